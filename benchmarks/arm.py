@@ -19,11 +19,13 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_errors import ArmErrorModel, Postures
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
-from calibration.planning.arm_views import ArmExperiment, PointsOfInterest
-from calibration.solve import estimate_session, identify_arm_session
+from calibration.solve import estimate_session
 from calibration.solver.registered_points import registered_points
 from calibration.transforms import map_points
+from extensions.arm_identification.mathematics.identification import identify_arm_session
+from extensions.arm_identification.mathematics.views import ArmExperiment, PointsOfInterest
 from mock_robot.arm.built_arm import ArmClass, BuiltArm, build_arm
+from tests.extensions.arm_identification.more_views import predict_and_reach
 from tests.simulated.arms import (
     MOUNT_T_CAMERA,
     REPEATABILITY,
@@ -37,7 +39,6 @@ from tests.simulated.arms import (
     target_places,
 )
 from tests.simulated.changed_cells import Change, changes_of
-from tests.simulated.more_arm_views import predict_and_reach
 from tests.simulated.other_arms import FAMILIES, build_other_arm
 from tests.simulated.sessions import BOARD, CAMERA
 

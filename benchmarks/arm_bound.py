@@ -17,8 +17,8 @@ from calibration.likelihood.mapped_points import point_rows
 from calibration.likelihood.mixed_model import MixedModel
 from calibration.linear_algebra import covariance_of
 from calibration.solve import estimate_session
-from calibration.solver.arm_session import TargetViews, begin_arm_session
 from calibration.transforms import Array, inverse, map_points, vector_from_transform
+from extensions.arm_identification.mathematics.session import TargetViews, begin_arm_session
 from mock_robot.arm.built_arm import BuiltArm
 from tests.simulated.arms import MOUNT_T_CAMERA, REPEATABILITY, rms_length
 from tests.simulated.other_arms import FAMILIES

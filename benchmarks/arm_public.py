@@ -33,8 +33,9 @@ from calibration.likelihood.leave_out import split
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession, prepare
 from calibration.problem import Detection, Problem, View, anchor_T_mount_of
-from calibration.solve import estimate_session, identify_arm_session
+from calibration.solve import estimate_session
 from calibration.transforms import Array, map_points
+from extensions.arm_identification.mathematics.identification import identify_arm_session
 from tests.simulated.arms import least_travel
 from tests.simulated.sessions import BOARD, CAMERA
 

@@ -1,6 +1,5 @@
 """Hand-eye calibration of a session: `solve_hand_eye(problem) -> Solution`; pure, does not raise for bad data."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,22 +9,14 @@ from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.diagnosis.explain import diagnose_solution
 from calibration.diagnosis.plausibility import check_plausibility
 from calibration.diagnosis.warming import warming_findings
-from calibration.errors import GeometryError, UndeterminedError
-from calibration.kinematics.abb_arms import ARMS
-from calibration.kinematics.arm import Arm
-from calibration.kinematics.arm_errors import AXES, ArmErrorModel, Postures, approach_sides
+from calibration.errors import UndeterminedError
 from calibration.kinematics.external_axis import ExternalAxis
-from calibration.kinematics.joint_check import require_joints_of_each_view
-from calibration.kinematics.load import NO_LOAD, SAME_SHARE, Load
 from calibration.knowledge import Knowledge
 from calibration.likelihood.estimate import Estimate
 from calibration.preprocessing.prepare import PreparedSession, at_given_lens, prepare_at_seen_lens, update_target_shape
 from calibration.problem import Problem
-from calibration.sentences.sentence import Sentence, from_one
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
-from calibration.solver.arm_hypotheses import SessionsContradict
-from calibration.solver.arm_identification import ArmFit, UnusualArm, identify_arm
-from calibration.solver.arm_session import KnownDistance, TargetViews
 from calibration.solver.external_axis import AxisFit, find_axis, fit_axis, readings_of
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
 from calibration.solver.shared_errors import fit_trend, widen_by_given, widen_by_shared_errors
@@ -185,64 +176,3 @@ def _with_target_shape(estimate: SessionEstimate, knowledge: Knowledge) -> Sessi
         selection = select_views(prepared, used, best.chain, best.variances, prepared.z)
         estimate = replace(estimate, prepared=prepared, selection=selection)
     return estimate
-
-
-def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Sequence[KnownDistance] = ()) -> ArmFit:
-    """The arm's errors, X and their covariance from sessions of images: of one target, at a place for each session.
-
-    `distances`: known ones between the target's places, which are counted as the problems are. All views hold joints.
-    Raises UndeterminedError where a session does not determine X without errors of the arm, GeometryError for views
-    without joints, of different loads or of one beyond the arm's payload, JointsDisagree for joints that are not this
-    arm's, SessionsContradict for views that do not belong together, UnusualArm for errors that arms do not have.
-    """
-    load, found = _load_of(arm, problems), []
-    for problem in problems:
-        alone = estimate_session(_with_own_joints(arm, problem))
-        seen, at = TargetViews(alone.prepared, alone.selection.used, alone.best), alone.prepared.seen.positions
-        stood = np.array([view.stance.joints_rad for view in problem.views])
-        celsius = np.array([view.arm_temperature_c for view in problem.views], float)  # NaN where it is not known
-        found.append((seen, (stood[at], approach_sides(stood)[at], celsius[at])))  # it went from view to view
-    order = sorted(range(len(found)), key=lambda row: -int(np.count_nonzero(found[row][0].used)))
-    views, standstills = zip(*(found[row] for row in order), strict=True)
-    known = [replace(one, first=order.index(one.first), second=order.index(one.second)) for one in distances]
-    joints, sides, temperatures_c = (np.concatenate(parts) for parts in zip(*standstills, strict=True))
-    mean_c = round(float(temperatures_c.mean()), 2)  # a step of 0.01 K moves no point by a micrometre
-    warmth_k = None if np.isnan(mean_c) else temperatures_c - mean_c
-    fit = identify_arm(ArmErrorModel(arm), views, Postures(joints, load or NO_LOAD, sides, warmth_k), known)
-    if one := fit.contradiction:
-        place = order[one.place]
-        number = None if one.position is None else problems[place].views[one.position].index + 1
-        raise SessionsContradict(one, place + 1, number)
-    if unusual := fit.beyond_usual():
-        raise UnusualArm(arm.name, unusual)
-    return fit if warmth_k is None else replace(fit, temperature_c=mean_c)
-
-
-def _load_of(arm: Arm, problems: Sequence[Problem]) -> Load | None:
-    """What the flange carried in all of them, None where any of them does not state it. Raises GeometryError."""
-    loads = [problem.load for problem in problems]
-    known = [load for load in loads if load is not None]
-    heaviest_kg = max((load.mass_kg for load in known), default=0.0)
-    if arm.payload_kg is not None and heaviest_kg > (1 + SAME_SHARE) * arm.payload_kg:
-        raise GeometryError(
-            f"the sessions carried {heaviest_kg:g} kg, an {arm.name} carries {arm.payload_kg:g} kg: correct the load"
-        )
-    for other in known[1:]:
-        if not other.is_as(known[0]):
-            raise GeometryError(
-                f"the sessions carried {known[0].mass_kg:g} and {other.mass_kg:g} kg, or another centre: the errors of"
-                " an arm are identified with one load"
-            )
-    return known[0] if known and len(known) == len(loads) else None
-
-
-def _with_own_joints(arm: Arm, problem: Problem) -> Problem:
-    """The problem, whose views hold joints of that arm. Raises GeometryError, JointsDisagree."""
-    joints = [view.stance.joints_rad for view in problem.views]
-    without = [view.index for view, one in zip(problem.views, joints, strict=True) if one is None or len(one) != AXES]
-    if without:
-        what = f"pictures {from_one(without)} hold no joints of six axes, from which an arm's errors are identified"
-        raise GeometryError(f"{what}: record joints_deg, or confdata, since a pose has several postures")
-    poses, numbers = np.array([view.base_T_flange for view in problem.views]), [view.index for view in problem.views]
-    require_joints_of_each_view(arm, np.array(joints), poses, ARMS, numbers)
-    return problem

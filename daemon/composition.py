@@ -108,6 +108,7 @@ def build(
     operations = Operations(
         settings, cell, store, supervisor, workers, scans, rules, clock, service_workers, merge_workers,
         further_sensors=sensors,
+        identification=next((one.identification for one in extensions if one.identification), None),
     )  # fmt: skip
     by_name: dict[str, Operations] = {}
 

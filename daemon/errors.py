@@ -128,6 +128,12 @@ class ArmUnknown(DaemonError):
         super().__init__(of_six if upright else Sentence("arm-for-upright"), fix)
 
 
+class NotInstalled(DaemonError):
+    """What a request asks for is of an extension that this daemon does not have."""
+
+    code = "not-installed"
+
+
 class ToleranceLoosened(DaemonError):
     """A request states a larger tolerance than the settings, which forbid that."""
 

@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any, Protocol
 
 from calibration.documents.target import TargetDocument
-from calibration.kinematics.arm import Arm
 from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.what_if import PlanComparison
@@ -23,6 +22,7 @@ from daemon.errors import (
     NoPoses,
     NotFound,
     NotHeld,
+    NotInstalled,
     ToleranceLoosened,
 )
 from daemon.model.records import CalibrationRecord, FlangePose, RunKind, RunRecord, ScanRecord, ScanViewDocument
@@ -37,7 +37,7 @@ from daemon.model.requests import (
 )
 from daemon.model.run_states import RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
-from daemon.runs.calibration_run import CalibrationRun, solve_session_of, solve_without
+from daemon.runs.calibration_run import CalibrationRun, IdentifyArm, LoadIdentification, solve_session_of, solve_without
 from daemon.runs.calibrations import Calibrations, require_setup
 from daemon.runs.foresight import Foresight, foresee, foresee_taught
 from daemon.runs.held_move import HeldMove
@@ -105,7 +105,8 @@ class Operations:
     """Starts runs, and takes views. Of its fields only `settings` is ever replaced, when they are reloaded.
 
     `camera`: whose calibration is active here; `settings` and `cell` are those of this camera; `others`: of all
-    cameras by name. `learnt_noise`: what the cell has learnt of the robot's. `further_sensors`: those of an extension.
+    cameras by name. `learnt_noise`: what the cell has learnt of the robot's. `further_sensors`: those of an extension;
+    `identification`: of an arm's errors, None where no extension has it.
     """
 
     settings: Settings
@@ -122,6 +123,7 @@ class Operations:
     others: Mapping[str, "Operations"] = field(default_factory=dict)
     learnt_noise: Callable[[], Awaitable[NoiseBelief | None]] = nothing_learnt
     further_sensors: Callable[["Operations"], FurtherSensors] = no_further_sensors
+    identification: LoadIdentification | None = None
 
     @property
     def calibrations(self) -> Calibrations:
@@ -136,11 +138,12 @@ class Operations:
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.
 
-        Raises RunInProgress, CellNotReady, NoPoses, PoseRefused, ToleranceLoosened, ArmUnknown, StorageError.
+        Raises RunInProgress, CellNotReady, NoPoses, PoseRefused, ToleranceLoosened, ArmUnknown, NotInstalled,
+        StorageError.
         """
         request = complete_request(self.settings, request)
         self._check_tolerance(request.tolerance_mm)
-        self._arm(request.arm)
+        self._load_identification(request.arm)
         settings, target = self.settings.calibration, request.target or self.settings.target
         joined = self.further_sensors(self).join(request, target) if request.together else None
         beside, drive_all = joined or ALONE
@@ -218,12 +221,13 @@ class Operations:
     async def solve_observations(self, session: ObservationsRequest, new_id: str) -> CalibrationRecord:
         """Solve views that another program has taken and measured, and store the result; nothing is applied.
 
-        Raises RunInProgress, WorkersBusy, DocumentError, ArmUnknown, StorageError.
+        Raises RunInProgress, WorkersBusy, DocumentError, ArmUnknown, NotInstalled, StorageError.
         """
-        arm = self._arm(session.arm)
+        load = self._load_identification(session.arm)
         self.supervisor.require_free()
         await self.store.require_ready()
-        run = replace(self.calibration_run(CalibrateRequest(), compared=False), expected=None, arm=arm, noise=None)
+        run = self.calibration_run(CalibrateRequest(), compared=False)
+        run = replace(run, expected=None, load_identification=load, noise=None)
         solved = await self.merge_workers.run_if_free(solve_session_of, session, run, new_id, self.clock.timestamp())
         return await run.save(solved, None)
 
@@ -342,11 +346,15 @@ class Operations:
         if tolerance_mm is not None and settings.forbids(tolerance_mm):
             raise ToleranceLoosened(tolerance_mm, settings.verdict_limits().tolerance_mm)
 
-    def _arm(self, wanted: bool | None) -> Arm | None:
-        """The cell's arm, when its errors are wanted. Raises ArmUnknown."""
-        if wanted and not ((upright := self.rules.robot.stands_upright) and self.rules.arm):
+    def _load_identification(self, wanted: bool | None) -> Callable[[], IdentifyArm] | None:
+        """Of the errors of the cell's arm, when they are wanted. Raises ArmUnknown, NotInstalled."""
+        if not wanted:
+            return None
+        if not ((upright := self.rules.robot.stands_upright) and self.rules.arm):
             raise ArmUnknown(self.rules.seven.name if self.rules.seven else None, upright=upright)
-        return self.rules.arm if wanted else None
+        if self.identification is None:
+            raise NotInstalled(Sentence("arm-identification-not-installed"), Sentence("leave-arm-out"))
+        return partial(self.identification, self.rules.arm)
 
     async def _check_ready(self, reasons: tuple[str, ...]) -> None:
         if reasons:
@@ -389,6 +397,6 @@ class Operations:
         auto, expected = settings.policy == "auto", mount_expectation(settings, self.settings.camera.setup)
         return CalibrationRun(
             self.store, self.workers, self.clock, auto, better if compared else None, expected,
-            settings.verdict_limits(request.tolerance_mm), points, self._arm(request.arm),
-            self.camera, settings.noise,
+            settings.verdict_limits(request.tolerance_mm), points,
+            self._load_identification(request.arm), self.camera, settings.noise,
         )  # fmt: skip

@@ -18,10 +18,11 @@ from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.kinematics.robot_accuracy import MIN_POSE_NOISE, RobotNoise
 from calibration.likelihood.mixed_model import Variances
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
-from calibration.planning.arm_views import ArmExperiment, PointsOfInterest
-from calibration.solve import estimate_session, identify_arm_session
+from calibration.solve import estimate_session
 from calibration.solver.registered_points import registered_points
 from calibration.transforms import Array, inverse, transform
+from extensions.arm_identification.mathematics.identification import identify_arm_session
+from extensions.arm_identification.mathematics.views import ArmExperiment, PointsOfInterest
 from mock_robot.arm.built_arm import BuiltArm, build_arm
 from mock_robot.scene.scanner_view import ScannerModel, scan
 from mock_robot.truth.truth import IRB_1600, PART_FACING_THE_ROBOT, PART_MIDDLE_MM, TARGET_FACING_UP, TARGET_MIDDLE_MM

@@ -1,7 +1,6 @@
 """arm.json: the errors of an arm as built, what they were identified from, and X with them (mm, degrees, w first)."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -9,7 +8,7 @@ from pydantic import Field
 from calibration.documents.arm_conditions import ArmTemperature, LoadDocument
 from calibration.documents.calibration import CalibrationFindingDocument
 from calibration.documents.calibration_text import finding_line
-from calibration.documents.more_arm_views import Joints, MoreArmViewsDocument, more_arm_views_text, six
+from calibration.documents.more_arm_views import Joints, MoreArmViewsDocument, more_arm_views_text
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document
 from calibration.errors import GeometryError
@@ -17,11 +16,8 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel, Group
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.kinematics.load import NO_LOAD
-from calibration.problem import Problem, Setup
-from calibration.solution import ArmLadderDocument, Finding
-
-if TYPE_CHECKING:
-    from calibration.solver.arm_identification import ArmFit
+from calibration.problem import Setup
+from calibration.solution import ArmLadderDocument
 
 
 class ArmParameterDocument(Document):
@@ -116,50 +112,6 @@ class ArmErrorsDocument(Document):
         load = NO_LOAD if self.load is None else self.load.load()
         mount_T_camera = self.mount_T_camera.transform()
         return ArmEstimate(model, values, covariance, mount_T_camera, load=load, temperature_c=self.temperature_c)
-
-
-def arm_document(
-    fit: "ArmFit",
-    problems: Sequence[Problem],
-    *,
-    created_at: str,
-    software: str,
-    joints_from_poses: int = 0,
-    more_views: MoreArmViewsDocument | None = None,
-    findings: Sequence[Finding] = (),
-) -> ArmErrorsDocument:
-    """The document of a fit from these sessions, whose views all hold joints, some of them `joints_from_poses`."""
-    every = [view.stance.joints_rad for problem in problems for view in problem.views]
-    joints = np.degrees(np.array([one for one in every if one is not None]))
-    sigmas = np.sqrt(np.diagonal(fit.covariance)[6:])
-    return ArmErrorsDocument(
-        arm=fit.model.arm.identifier,
-        created_at=created_at,
-        software=software,
-        setup=problems[0].setup,
-        taken_up=fit.taken_up,
-        log_evidence=fit.log_evidence,
-        mount_T_camera=PoseDocument.of(fit.mount_T_camera),
-        parameters=[
-            ArmParameterDocument(
-                name=one.name, group=one.group, axis=one.axis, unit=one.unit, value=float(value), sigma=float(sigma)
-            )
-            for one, value, sigma in zip(fit.model.parameters, fit.parameters, sigmas, strict=True)
-        ],
-        covariance=fit.covariance.tolist(),
-        scatter_mm=float(np.sqrt(fit.variances.translation)),
-        scatter_deg=float(np.degrees(np.sqrt(fit.variances.rotation))),
-        ladder=list(fit.ladder),
-        views=len(joints),
-        joints_from_poses=joints_from_poses,
-        places=len(problems),
-        load=LoadDocument.of(None if fit.load == NO_LOAD else fit.load),
-        temperature_c=fit.temperature_c,
-        lowest_joints_deg=six(joints.min(axis=0)),
-        highest_joints_deg=six(joints.max(axis=0)),
-        more_views=more_views,
-        findings=[CalibrationFindingDocument.of(finding) for finding in findings],
-    )
 
 
 def arm_summary(document: ArmErrorsDocument) -> str:

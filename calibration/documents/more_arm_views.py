@@ -1,18 +1,12 @@
 """What more views would leave of the error of a registered point: a part of arm.json (mm, degrees)."""
 
-from typing import TYPE_CHECKING
-
-import numpy as np
 from pydantic import Field
 
-from calibration.documents.pose import Vector, round_vector
+from calibration.documents.pose import Vector
 from calibration.documents.validation import Document
-from calibration.planning.more_arm_views import BOX_STEPS, MORE_VIEWS, plan_more_arm_views
-from calibration.targets import Target
-from calibration.transforms import Array
 
-if TYPE_CHECKING:
-    from calibration.solver.arm_identification import ArmFit
+BOX_STEPS = 4
+"""Places along one edge of the box."""
 
 Joints = tuple[float, float, float, float, float, float]
 
@@ -50,25 +44,6 @@ class MoreArmViewsDocument(Document):
     """Views of the target where it stood, in the order of their gain."""
 
 
-def more_arm_views_document(fit: "ArmFit", target: Target, box_mm: Array | None = None) -> MoreArmViewsDocument | None:
-    """As `plan_more_arm_views`, after 10, 20 and 30 views, or all that are possible if fewer."""
-    planned = plan_more_arm_views(fit, target, box_mm)
-    if planned is None:
-        return None
-    possible = len(planned.after_mm)
-    counts = sorted({min(count, possible) for count in MORE_VIEWS})
-    return MoreArmViewsDocument(
-        box_mm=(round_vector(planned.box_mm[0]), round_vector(planned.box_mm[1])),
-        points=len(planned.interest.points_mm),
-        now_mm=round(planned.now_mm, 6),
-        after=[PointAfterViewsDocument(more=count, point_mm=round(planned.after_mm[count - 1], 6)) for count in counts],
-        further=[
-            FurtherArmViewDocument(joints_deg=six(joints), target_mm=round_vector(fit.anchor_T_target[place, :3, 3]))
-            for joints, place in zip(np.degrees(planned.joints_rad), planned.places, strict=True)
-        ],
-    )
-
-
 def more_arm_views_text(found: MoreArmViewsDocument) -> str:
     """What people read: "30 pictures more would bring a registered point from 0.42 to 0.15 mm RMS in the box"."""
     last = found.after[-1]
@@ -78,9 +53,3 @@ def more_arm_views_text(found: MoreArmViewsDocument) -> str:
         f"{last.more} pictures more would bring a registered point from {found.now_mm:.3f} to {last.point_mm:.3f} mm"
         f" RMS in the box {corners} mm ({found.points} of {BOX_STEPS**3} places within reach){between}"
     )
-
-
-def six(joints: Array) -> Joints:
-    """Of an array (6,)."""
-    one, two, three, four, five, sixth = joints.tolist()
-    return one, two, three, four, five, sixth

@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from daemon.api.schemas.drift import DriftTouchDocument
 from daemon.application import Application, BackgroundService
 from daemon.operations import FurtherSensors, Operations
+from daemon.runs.calibration_run import LoadIdentification
 
 Rebuilt = tuple[int, dict[str, str], bytes]
 Rebuild = Callable[[Application, str], Awaitable[Rebuilt]]
@@ -35,6 +36,7 @@ class Extension:
     links : of GET /, by what they are.
     rebuilders : of answers, by the noun of the audit log.
     checks : of a calibration, which its drift chart lists.
+    identification : of an arm's errors, for the calibrations that ask for them; one extension has it.
     services : started and stopped with the daemon; a route finds its own by `Application.service`.
     sensors : further ones of a camera's mount, of which one extension knows.
     """
@@ -44,6 +46,7 @@ class Extension:
     links: Mapping[str, str] = field(default_factory=dict)
     rebuilders: Mapping[str, Rebuild] = field(default_factory=dict)
     checks: Checks | None = None
+    identification: LoadIdentification | None = None
     services: tuple[MakeService, ...] = ()
     sensors: Callable[[Operations], FurtherSensors] | None = None
 

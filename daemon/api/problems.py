@@ -36,7 +36,7 @@ STATUS: dict[type[Exception], int] = {kind: status for status, kinds in {
     406: (http_errors.NotAcceptable, ReportExtraMissing),
     409: (errors.RunInProgress, errors.CellBusy, errors.SetupConflict, errors.RunOver, errors.NotWaiting,
           errors.NotHeld, errors.SamePose, errors.TooFewViews, errors.NoCalibration, errors.CalibrationUnusable,
-          errors.NoScanner, errors.ScanEmpty, errors.NoPoses, errors.ArmUnknown, errors.NotStill,
+          errors.NoScanner, errors.ScanEmpty, errors.NoPoses, errors.ArmUnknown, errors.NotStill, errors.NotInstalled,
           http_errors.RequestInFlight, access.KeyExists, device.SweepNeeded, device.MoveRefused, ComparisonError,
           ExportRefused),
     412: (errors.AppliedMeanwhile,),

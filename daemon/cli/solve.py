@@ -1,6 +1,5 @@
 """`handeyed solve DIR...`: calibrate from session folders."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,15 +15,12 @@ if TYPE_CHECKING:
     from calibration.documents.session import CameraDocument, SessionDocument
     from calibration.problem import Problem
     from calibration.solution import NamedPoint, Solution
-    from calibration.solver.arm_session import KnownDistance
-    from calibration.transforms import Array
     from calibration.verdict import VerdictLimits
     from daemon.sessions.session_reader import SessionFolder
 
     Requirement = tuple[VerdictLimits, tuple[NamedPoint, ...]]
 
 RESULT_FILE = "calibration.json"
-ARM_FILE = "arm.json"
 
 FOR_IMAGES = "it is for images only", "leave it out; this session holds poses or points"
 
@@ -111,8 +107,6 @@ def solve(
 
     Exit status: 0 every calibration accepted, 3 solved or refused but not accepted, 2 unreadable input.
     """
-    import numpy as np
-
     from calibration.errors import DocumentError
     from calibration.solve import METHODS
     from daemon.cli.import_session import read_camera
@@ -127,7 +121,8 @@ def solve(
             raise UnreadableInput(name, "clouds have no images", "leave it out")
     intrinsics = None if camera is None else read_camera(camera).document(None)
     stated, required = known_of(known or []), requirement_of(tolerance, at)
-    asked = {option: value for option, value in {"--together": "" if together else None}.items() if value is not None}
+    together_asked = "" if together else None
+    asked = {name: value for name, value in (("--arm", arm), ("--together", together_asked)) if value is not None}
     for option in asked:
         if option not in ctx.obj:
             raise UnreadableInput(option, "no extension is installed that solves it", "leave it out")
@@ -158,13 +153,6 @@ def solve(
         what = "an arm's errors, and sensors together, are not found while an external axis moves"
         raise UnreadableInput("--arm" if arm else "--together", what, "leave it out")
     folder_out = out.parent if out is not None and len(folders) == 1 else out
-    if arm is not None:
-        if artefact is not None or len(solved) < len(folders):
-            raise UnreadableInput("--arm", "it needs every folder's images", "leave it out")
-        sessions, problems, _ = zip(*solved, strict=True)
-        box_mm = None if at is None else _points_file(at).box_mm
-        within_mm = None if box_mm is None else np.array(box_mm)
-        solve_arm(arm, problems, folder_out, within_mm, known_distances(sessions), json=json)
     for option, value in asked.items():
         found = SolvedFolders(value, folders, solved, required[0], at, folder_out, json)
         if not ctx.obj[option](found) and status is ExitStatus.OK:
@@ -195,11 +183,12 @@ def requirement_of(tolerance_mm: float | None, at: Path | None) -> "Requirement"
 
     if tolerance_mm is not None and not 0 < tolerance_mm <= MAX_TOLERANCE_MM:
         raise UnreadableInput("--tolerance", f"{tolerance_mm} mm is no tolerance", "give U in mm")
-    points = () if at is None else _points_file(at).named_points()
+    points = () if at is None else points_file(at).named_points()
     return VerdictSettings().limits(tolerance_mm), points
 
 
-def _points_file(at: Path) -> "PointsFile":
+def points_file(at: Path) -> "PointsFile":
+    """That of --at. Raises DocumentError."""
     from calibration.documents.requirement import PointsFile
     from daemon.runtime.bounded_read import read_as
 
@@ -309,49 +298,3 @@ def _write_pictures(
     with writing(folder, "choose another --pictures"):
         page = write_pictures(folder, title, problem, solution, order, lambda name: read_grey(session.path / name))
     print_error(f"{page}: residuals of {len(order)} pictures")
-
-
-def known_distances(sessions: "Sequence[SessionFolder]") -> "list[KnownDistance]":
-    """What the sessions state of the target's places, counted as they are. Raises CommandError for another session."""
-    from calibration.solver.arm_session import KnownDistance
-
-    names, found = [session.path.resolve().name for session in sessions], []
-    for place, session in enumerate(sessions):
-        for row, known in enumerate(session.document.distances):
-            if names.count(known.to) != 1 or known.to == names[place]:
-                what = f"distances[{row}].to: {known.to!r} is not the name of one other folder of the command"
-                raise UnreadableInput(str(session.file), what, "name that folder, too")
-            found.append(KnownDistance(place, names.index(known.to), known.distance_mm, known.sigma_mm))
-    return found
-
-
-def solve_arm(
-    name: str,
-    problems: "Sequence[Problem]",
-    folder: Path | None,
-    box_mm: "Array | None",
-    distances: "Sequence[KnownDistance]",
-    *,
-    json: bool,
-) -> None:
-    """`--arm`: print the arm's errors, and write them as arm.json into `folder`. Raises CommandError.
-
-    `box_mm` (2, 3) of the base: where the gain of more views is predicted. `distances`: between the places.
-    """
-    from calibration.documents.arm import arm_summary
-    from calibration.documents.identified_arm import identify_arm_document
-    from calibration.errors import CalibrationError
-    from calibration.kinematics.abb_arms import find_arm
-    from daemon.runtime.clock import Clock
-    from daemon.runtime.version import SOFTWARE
-
-    try:
-        arm, created_at = find_arm(name), Clock().timestamp()
-        document = identify_arm_document(
-            arm, problems, created_at=created_at, software=SOFTWARE, box_mm=box_mm, distances=distances
-        )
-    except CalibrationError as error:
-        raise UnreadableInput("--arm", str(error), "no arm.json is written") from None
-    typer.echo(document.model_dump_json() if json else arm_summary(document))
-    if folder is not None:
-        write_document(folder / ARM_FILE, document)

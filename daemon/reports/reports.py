@@ -18,11 +18,11 @@ from calibration.documents.calibration import (
     PointUncertaintyDocument,
     UncertaintyDocument,
 )
+from calibration.documents.more_arm_views import BOX_STEPS
 from calibration.documents.numbers import DASH, MINUS, places
 from calibration.kinematics.conventions import numbers_of
 from calibration.likelihood.mapped_points import point_rows, scale_variance_mm2
 from calibration.monitoring.cell_change import DriftChangeDocument
-from calibration.planning.more_arm_views import BOX_STEPS
 from calibration.sentences.sentence import as_sentence, text_of
 from calibration.transforms import Array
 from daemon.reports.charts import Bar, Chart, ChartPoint, bar_chart, bubble_map, control_chart, limit_scale

@@ -1,5 +1,6 @@
 """The calibration run: view the target from every station, solve for X, store the calibration."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -37,8 +38,13 @@ from daemon.store.store import Store
 MIN_VIEWS = 3
 """Two motions between three views are the fewest that determine X (paper, section 2)."""
 
-
 Solved = tuple[CalibrationDocument, ArmErrorsDocument | None]
+
+IdentifyArm = Callable[[Problem, str], tuple[ArmErrorsDocument | None, tuple[Finding, ...]]]
+"""arm.json of a session, created at a time in UTC, or None where it is refused; with findings that say which."""
+
+LoadIdentification = Callable[[Arm], IdentifyArm]
+"""Imports what identifies the errors of an arm: before the first run that asks for them, not at the start."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +52,9 @@ class CalibrationRun:
     """The run without its poses. `apply_when_accepted`: the policy "auto".
 
     `better`: compares the poses with planned ones; None when they were planned. `expected`: the camera's expected pose.
-    `limits`: of the verdict. `points`: where the uncertainty counts; the working volume without any. `arm`: its errors
-    are identified, too. `camera`: name of the one that is calibrated. `noise`: as expected beside what is believed
-    of the robot's, None where the views are of another program.
+    `limits`: of the verdict. `points`: where the uncertainty counts; the working volume without any.
+    `load_identification`: of the arm's errors, where they are wanted. `camera`: name of the one that is calibrated.
+    `noise`: as expected beside what is believed of the robot's, None where the views are of another program.
     """
 
     store: Store
@@ -59,13 +65,15 @@ class CalibrationRun:
     expected: ExpectedMount | None = None
     limits: VerdictLimits = DEFAULT_VERDICT_LIMITS
     points: tuple[NamedPoint, ...] = ()
-    arm: Arm | None = None
+    load_identification: Callable[[], IdentifyArm] | None = None
     camera: str = MAIN_CAMERA
     noise: NoiseExpectedDocument | None = None
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """Run the sequence, solve, and store the calibration under the run's id."""
         await self.workers.run(load_run_modules)
+        if self.load_identification is not None:
+            await self.workers.run(self.load_identification)
         problem = await sequence.run(MIN_VIEWS)
         solved = await self.workers.run(self.solve, problem, log.id, self.clock.timestamp())
         log.conclude()
@@ -102,8 +110,7 @@ class CalibrationRun:
 
     def solve(self, problem: Problem, calibration_id: str, created_at: str, method: str = "auto") -> Solved:
         """Solve, judge and document, as `handeyed solve` does; with the arm's errors as `handeyed solve --arm`."""
-        from calibration.documents.identified_arm import identify_with_findings  # see run_modules
-        from calibration.solve import poses_at_zero, solve_hand_eye
+        from calibration.solve import poses_at_zero, solve_hand_eye  # see run_modules
 
         first = solve_hand_eye(problem, method)
         problem = poses_at_zero(problem, first)
@@ -117,8 +124,8 @@ class CalibrationRun:
         if self.better is not None:
             findings += tuple(self.better.findings(problem, solution))
         arm = None
-        if self.arm is not None and solution.mount_T_camera is not None:
-            arm, found = identify_with_findings(self.arm, problem, created_at=created_at, software=SOFTWARE)
+        if self.load_identification is not None and solution.mount_T_camera is not None:
+            arm, found = self.load_identification()(problem, created_at)
             findings += found
         expected = NOTHING_EXPECTED
         if self.noise is not None:
@@ -144,10 +151,10 @@ def solve_without(
 
 def solve_session_of(session: ObservationsRequest, run: CalibrationRun, calibration_id: str, created_at: str) -> Solved:
     """Solve a session that needs no file. Raises DocumentError."""
-    if run.arm is not None and session.external_axis is not None:
+    if run.load_identification is not None and session.external_axis is not None:
         what = "an arm's errors are not found while an external axis moves"
         raise DocumentError.one("request body", "arm", what, "leave it out")
-    if run.arm is not None and session.distances:
+    if run.load_identification is not None and session.distances:
         what, fix = "they lead to other sessions, and a request holds one", "solve the folders by handeyed solve --arm"
         raise DocumentError.one("request body", "distances", what, fix)
     return run.solve(problem_without_files(session, "request body"), calibration_id, created_at)

@@ -4,7 +4,7 @@ from importlib import import_module
 
 from daemon.runtime.module_names import module_name
 
-RUN_MODULES = ("calibration.detection.detect", "calibration.documents.identified_arm", "calibration.planning.next_view")
+RUN_MODULES = ("calibration.detection.detect", "calibration.solve", "calibration.planning.next_view")
 
 LOADED_ON_FIRST_USE = ("scipy.linalg", "scipy.optimize", "scipy.special")
 """Parts of SciPy that `import scipy` leaves to the first call."""

@@ -54,7 +54,7 @@ def test_every_extension_has_a_name_of_its_own_and_something_to_add() -> None:
     names = [extension.name for extension in INSTALLED]
     assert len({*names}) == len(names)
     assert {*COMMANDS} <= {*names}
-    assert all(own_routes(extension) for extension in INSTALLED)
+    assert all(own_routes(one) or one.identification for one in INSTALLED)
 
 
 def test_the_contracts_hold_every_extension() -> None:
@@ -73,7 +73,7 @@ def test_openapi_lacks_its_operations_and_no_other(taken: Extension) -> None:
     everything = operations_of(routes(None, INSTALLED).openapi())
     rest = operations_of(routes(None, without(taken)).openapi())
     assert {asked: name for asked, name in everything.items() if asked not in own_routes(taken)} == rest
-    assert rest != everything
+    assert (rest != everything) is bool(own_routes(taken))
 
 
 @each
@@ -91,7 +91,7 @@ async def test_the_daemon_answers_all_that_is_not_its_own(taken: Extension, tmp_
         found = {path: await status_of(bench.client, path) for path in links.union(asked)}
 
     assert run["state"] == "finished", run["cause"]
-    assert {*own.values()} == {"no-such-page"}, own
+    assert {*own.values()} <= {"no-such-page"}, own
     missing = {path for path, status in found.items() if status == HTTPStatus.NOT_FOUND}
     assert missing == {path for method, path in own_routes(taken) if method == "get" and "{" not in path}
     assert {path: status for path, status in found.items() if status >= HTTPStatus.INTERNAL_SERVER_ERROR} == {}
@@ -112,10 +112,9 @@ async def code_of(client: httpx.AsyncClient, method: str, path: str) -> str:
 
 @each
 def test_the_command_line_lacks_its_commands_and_no_other(taken: Extension) -> None:
-    rest = command_line({name: commands for name, commands in COMMANDS.items() if name != taken.name})
-    own = names_in(command_line({taken.name: COMMANDS.get(taken.name, CommandExtension())})) - names_in(
-        command_line({})
-    )
+    rest = command_line({name: other for name, other in COMMANDS.items() if name != taken.name})
+    added = COMMANDS.get(taken.name, CommandExtension())
+    own = names_in(command_line({taken.name: added})) - names_in(command_line({}))
 
     assert names_in(rest) == names_in(command_line(COMMANDS)) - own
     for name in own:

@@ -142,6 +142,7 @@ MENDED_BY_SOMEBODY = {
     "scan-empty": "a view is added",
     "no-poses": "poses are given",
     "arm-unknown": "the settings name the arm",
+    "not-installed": "the request leaves it out",
     "key-exists": "another name is given",
     "sweep-needed": "the scanner is swept",
     "move-refused": "the reason stands at the controller, but for BUSY",

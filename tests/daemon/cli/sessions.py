@@ -11,6 +11,7 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.documents.pose import PoseDocument
+from calibration.kinematics.external_axis import ExternalAxis
 from calibration.targets import Charuco
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 
@@ -112,3 +113,23 @@ def written(folder: Path, document: dict[str, Any], change: Change) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "session.json").write_text(json.dumps(document))
     return folder
+
+
+BUILT_TRACK = ExternalAxis("track", 2, np.array([0.004, 0.99999, -0.003]), np.zeros(3))
+GIVEN_TRACK = {"kind": "track", "number": 2, "direction": [0, 1, 0]}
+TRAVEL_MM = 1500.0
+
+
+def on_a_track(**axis: Any) -> Change:
+    """The session as the controller reports it, every other view from 1500 mm."""
+
+    def change(document: dict[str, Any]) -> None:
+        document["external_axis"] = {**GIVEN_TRACK, **axis}
+        for index, view in enumerate(document["views"]):
+            reading = TRAVEL_MM * (index % 2)
+            at_zero = PoseDocument.model_validate(view["base_T_flange"]).transform()
+            reported = inverse(BUILT_TRACK.motion(reading)) @ at_zero
+            view["base_T_flange"] = PoseDocument.of(reported).model_dump(mode="json")
+            view["external_axes"] = [None, reading]
+
+    return change

@@ -46,9 +46,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         with socket.create_server(("127.0.0.1", 0)) as free:
             port = free.getsockname()[1]
         settings = folder / "handeyed.toml"
-        settings.write_text(
-            settings_text(mock.announcement, port).replace("[calibration]", "[calibration]\narm = true")
-        )
+        settings.write_text(settings_text(mock.announcement, port))
         with start_child("daemon", ["daemon.cli", "serve", str(settings)], folder) as daemon:
             yield Running(mock, daemon, settings)
 
@@ -80,22 +78,6 @@ def test_calibrate_in_words_says_whether_it_is_in_force(running: Running) -> Non
     assert "accepted" in ran.out.splitlines()[0]
     waits = "it waits for a person" in ran.out
     assert ran.out.rstrip().endswith("active now") is not waits
-
-
-def test_calibrate_with_the_arm_says_what_was_found_of_its_errors(running: Running) -> None:
-    ran = handeyed("calibrate", "--url", running.url, "--arm", "--json")
-
-    document = CalibrationDocument.model_validate_json(ran.out)
-    found = {finding.code for finding in document.verdict.findings}
-    assert found & {"arm-as-drawn", "arm-errors"}, found
-    assert httpx.get(f"{running.url}/calibrations/{document.id}/arm", timeout=LIMIT_S).status_code == 200
-
-
-def test_calibrate_leaves_the_arm_out_where_the_settings_ask_for_it(running: Running) -> None:
-    document = CalibrationDocument.model_validate_json(
-        handeyed("calibrate", "--url", running.url, "--no-arm", "--json").out
-    )
-    assert httpx.get(f"{running.url}/calibrations/{document.id}/arm", timeout=LIMIT_S).status_code == 404
 
 
 def test_ctrl_c_stops_the_arm(running: Running) -> None:

@@ -90,21 +90,6 @@ async def test_a_plc_states_the_tolerance(tmp_path: Path, tolerance_um: int, ver
         assert value_of(image, "u_worst_um") == round(1e3 * worst_mm)
 
 
-async def test_a_plc_s_calibration_identifies_the_arm_where_the_settings_say_so(tmp_path: Path) -> None:
-    settings = settings_for(
-        tmp_path,
-        plc=MOVING,
-        robot={"model": "IRB 1600-6/1.45"},
-        calibration={"arm": True, "policy": "auto", "tolerance_mm": 20.0},
-    )
-    async with serving(settings) as bench, ladder(bench) as plc:
-        await plc.sets(C(0))
-        await plc.waits(S.READY | S.ONLINE)
-        assert not await plc.triggers(C.TRIGGER_CALIBRATE) & S.ERROR
-        found = await bench.client.get(f"/calibrations/{value_of(await plc.result(), 'run_id')}/arm")
-        assert (found.status_code, found.json()["arm"]) == (200, "IRB 1600-6/1.45")
-
-
 REFUSALS = {
     "motors off": ({"motors_on": False}, C.TRIGGER_CALIBRATE, 12, 503, "/calibrate"),
     "emergency stop": ({"emergency_stop": True}, C.TRIGGER_REGISTER, 12, 503, "/scans"),

@@ -23,8 +23,8 @@ from calibration.likelihood.noise_marginalisation import restricted_log_likeliho
 from calibration.likelihood.shared_columns import fix_unknowns, with_arm
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import covariance_of
-from calibration.solver.arm_session import ArmSession
 from calibration.transforms import Array, adjoint, inverse, map_points
+from extensions.arm_identification.mathematics.session import ArmSession
 
 SCALES = {0.15: 0.1, 0.4: 0.2, 1.0: 0.5, 2.0: 0.2}
 """Of the parameters' means and standard deviations, with prior probabilities: most arms are as delivered."""

@@ -8,10 +8,9 @@ import pytest
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.kinematics.arm_errors import Postures
-from calibration.solve import identify_arm_session
-from calibration.solver.arm_identification import ArmFit
 from calibration.solver.registered_points import point_variances, registered_points
 from calibration.transforms import Array, map_points
+from extensions.arm_identification.mathematics.identification import ArmFit, identify_arm_session
 from mock_robot.arm.built_arm import SWITCHED_ON_C, build_arm
 from tests.simulated.arms import (
     ArmCell,

@@ -9,9 +9,9 @@ from calibration.errors import GeometryError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.load import NO_LOAD, Load
-from calibration.solve import identify_arm_session
 from calibration.solver.registered_points import registered_points
 from calibration.transforms import map_points
+from extensions.arm_identification.mathematics.identification import identify_arm_session
 from mock_robot.arm.built_arm import build_arm
 from tests.simulated.arms import (
     arm_cell,

@@ -8,7 +8,6 @@ import pytest
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, UncertaintyDocument, calibration_document
 from calibration.documents.calibration_in_use import CalibrationInUse
-from calibration.documents.identified_arm import identify_arm_document
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.kinematics.load import Load
@@ -16,6 +15,7 @@ from calibration.kinematics.stance import Stance
 from calibration.solve import solve_hand_eye
 from calibration.transforms import inverse, vector_from_transform
 from calibration.verdict import judge
+from extensions.arm_identification.mathematics.documents import identify_arm_document
 from mock_robot.arm.built_arm import build_arm
 from tests.simulated.arms import ArmCell, arm_cell, reachable_views, target_before
 

@@ -1,5 +1,7 @@
 """The arm's own errors over REST: identified with a calibration, stored and in force with it."""
 
+import asyncio
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,16 +13,26 @@ import pytest
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_errors import Postures
 from calibration.transforms import Array, map_points
+from daemon.api.extension import Extension
 from daemon.model.records import AppliedCalibration
+from daemon.runs.calibration_run import IdentifyArm
 from mock_robot.arm.built_arm import build_arm
+from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.cli.running import handeyed
 from tests.daemon.fakes import ply_of, points_of
+from tests.daemon.plcs import MOVING, ladder, value_of
 from tests.simulated.arms import ArmCell, arm_cell, least_travel, reachable_views, session_document, target_before
 from tests.support.waiting import LIMIT_S
 
 ARM = find_arm("IRB 2600-20/1.65")
+FAKE = {"model": "IRB 1600-6/1.45"}
+"""[robot] of the arm that the fake one is."""
+
+C, S = ControlBit, StatusBit
 
 
 @pytest.fixture(scope="module")
@@ -188,7 +200,7 @@ async def scans_are_placed_alike(
 
 async def test_a_verification_sees_the_target_by_the_arm_as_built(tmp_path: Path) -> None:
     """An arm whose axis 2 is 5 mm further out: every point is found so much further out, at five millimetres."""
-    async with serving(settings_for(tmp_path, robot={"model": "IRB 1600-6/1.45"})) as bench:
+    async with serving(settings_for(tmp_path, robot=FAKE)) as bench:
         store, clock = bench.application.store, bench.application.clock
         run = (await bench.client.post("/calibrate", json={"arm": True}, params={"wait": LIMIT_S})).json()
         record = await store.calibration(run["result"]["calibration_id"])
@@ -221,7 +233,7 @@ async def test_joints_of_another_arm_leave_the_calibration_and_say_why(tmp_path:
 
 
 async def test_a_run_identifies_the_arm_that_it_moves_and_solves_again_with_it(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path, robot={"model": "IRB 1600-6/1.45"})) as bench:
+    async with serving(settings_for(tmp_path, robot=FAKE)) as bench:
         run = (await bench.client.post("/calibrate", json={"arm": True}, params={"wait": LIMIT_S})).json()
         assert run["state"] == "finished", run["cause"]
         link = run["links"]["calibration"]
@@ -233,13 +245,56 @@ async def test_a_run_identifies_the_arm_that_it_moves_and_solves_again_with_it(t
 
 
 async def test_runs_identify_the_arm_where_the_settings_say_so_and_the_request_does_not(tmp_path: Path) -> None:
-    asked = {"robot": {"model": "IRB 1600-6/1.45"}, "calibration": {"arm": True}}
+    asked = {"robot": FAKE, "calibration": {"arm": True}}
     async with serving(settings_for(tmp_path, **asked)) as bench:
         assert (await bench.client.get("/arm")).json()["identifies_arm"]
         for body, status in (({}, 200), ({"arm": False}, 404)):
             run = (await bench.client.post("/calibrate", json=body, params={"wait": LIMIT_S})).json()
             assert run["state"] == "finished", run["cause"]
             assert (await bench.client.get(f"{run['links']['calibration']}/arm")).status_code == status
+
+
+async def test_calibrate_says_what_was_found_of_the_arms_errors_and_leaves_them_out_where_asked(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path, robot=FAKE, calibration={"arm": True})) as bench:
+        for option, codes_found, status in (("--arm", {"arm-as-drawn"}, 200), ("--no-arm", set(), 404)):
+            ran = await asyncio.to_thread(handeyed, "calibrate", "--url", bench.url, option, "--json")
+            assert codes(json.loads(ran.out)) == codes_found, ran.err
+            link = f"/calibrations/{json.loads(ran.out)['id']}/arm"
+            assert (await bench.client.get(link)).status_code == status
+
+
+async def test_a_plc_s_calibration_identifies_the_arm_where_the_settings_say_so(tmp_path: Path) -> None:
+    settings = {"arm": True, "policy": "auto", "tolerance_mm": 20.0}
+    cell = settings_for(tmp_path, plc=MOVING, robot=FAKE, calibration=settings)
+    async with serving(cell) as bench, ladder(bench) as plc:
+        await plc.sets(C(0))
+        await plc.waits(S.READY | S.ONLINE)
+        assert not await plc.triggers(C.TRIGGER_CALIBRATE) & S.ERROR
+        found = await bench.client.get(f"/calibrations/{value_of(await plc.result(), 'run_id')}/arm")
+        assert (found.status_code, found.json()["arm"]) == (200, FAKE["model"])
+
+
+async def test_the_identification_is_loaded_by_a_run_that_asks_for_it_before_the_arm_moves(tmp_path: Path) -> None:
+    goals: list[int] = []
+
+    def load(arm: Arm) -> IdentifyArm:
+        goals.append(len(bench.robot.goals))
+        return lambda problem, created_at: (None, ())
+
+    async with serving(settings_for(tmp_path, robot=FAKE), extensions=(Extension("a", identification=load),)) as bench:
+        for arm, loaded in ((False, []), (True, [5])):
+            run = (await bench.client.post("/calibrate", json={"arm": arm}, params={"wait": LIMIT_S})).json()
+            assert (run["state"], goals[:1]) == ("finished", loaded)
+
+
+async def test_where_it_is_not_installed_it_is_refused_before_anything_moves(tmp_path: Path, cell: ArmCell) -> None:
+    async with serving(settings_for(tmp_path, robot=FAKE), extensions=()) as bench:
+        for path, body in (("/calibrate", {"arm": True}), ("/calibrations", session_of(cell))):
+            refused = await bench.client.post(path, json=body)
+            assert (refused.status_code, refused.json()["code"]) == (409, "not-installed")
+            assert refused.json()["fix"] == 'leave "arm" out'
+        assert not bench.robot.goals
+        await posted(bench, session_of(cell, arm=False))
 
 
 async def test_distances_to_other_sessions_are_refused_where_there_is_one(tmp_path: Path, cell: ArmCell) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel, Postures
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
-from calibration.planning.arm_views import MIN_PLACE_VIEWS, ArmExperiment, PointsOfInterest
+from extensions.arm_identification.mathematics.views import MIN_PLACE_VIEWS, ArmExperiment, PointsOfInterest
 from tests.simulated.arms import MOUNT_T_CAMERA, box_postures, reachable_views, target_places
 from tests.simulated.sessions import BOARD, CAMERA
 

@@ -8,8 +8,10 @@ import pytest
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.kinematics.abb_arms import find_arm
+from daemon.cli.main import command_line
 from mock_robot.arm.built_arm import build_arm
 from tests.daemon.cli.running import handeyed
+from tests.daemon.cli.sessions import on_a_track, with_corners
 from tests.simulated.arms import arm_cell, reachable_views, session_document, target_before
 
 ARM = find_arm("IRB 2600-20/1.65")
@@ -97,3 +99,15 @@ def test_a_distance_to_a_folder_that_is_not_named_is_refused(session: Path, tmp_
     solved = handeyed("solve", tmp_path, "--arm", ARM.name)
     assert solved.status == 2
     assert "'left' is not the name of one other folder of the command" in solved.err
+
+
+def test_the_errors_of_an_arm_are_not_found_while_an_axis_moves(tmp_path: Path) -> None:
+    ran = handeyed("solve", with_corners(tmp_path / "a", on_a_track()), "--arm", "IRB 1600-6/1.45")
+    assert ran.status == 2
+    assert "not found while an external axis moves" in ran.err
+
+
+def test_where_it_is_not_installed_nothing_is_solved(session: Path) -> None:
+    refused = handeyed("solve", session, "--arm", ARM.name, command_line=command_line({}))
+    assert (refused.status, refused.out) == (2, "")
+    assert refused.err == "--arm: no extension is installed that solves it: leave it out\n"

@@ -7,16 +7,17 @@ from functools import cache
 import numpy as np
 import pytest
 
-import calibration.solver.arm_identification as arm_identification
-from calibration.documents.arm import FIRST_PARAMETERS, ArmErrorsDocument, arm_document, arm_summary
+import extensions.arm_identification.mathematics.identification as arm_identification
+from calibration.documents.arm import FIRST_PARAMETERS, ArmErrorsDocument, arm_summary
 from calibration.errors import GeometryError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.joint_check import JointsDisagree
-from calibration.solve import estimate_session, identify_arm_session
-from calibration.solver.arm_identification import ArmFit, UnusualArm
+from calibration.solve import estimate_session
 from calibration.solver.registered_points import registered_points
 from calibration.transforms import Array, map_points
+from extensions.arm_identification.mathematics.documents import identify_arm_document
+from extensions.arm_identification.mathematics.identification import ArmFit, UnusualArm, identify_arm_session
 from mock_robot.arm.built_arm import ArmClass, build_arm
 from tests.simulated.arms import (
     REPEATABILITY,
@@ -32,6 +33,7 @@ from tests.simulated.arms import (
 ARM = find_arm("IRB 2600-20/1.65")
 TARGETS = (target_before(ARM), target_before(ARM, 0.45, 0.1, 0.45), target_before(ARM, 0.5, 0.05, -0.4))
 WHERE = np.array([[0.0, 0.0, 550.0]])
+MADE = {"created_at": "2026-11-22T12:00:00Z", "software": "handeyed 0"}
 
 
 def draw_cell(arm_class: ArmClass, seed: int, views: Sequence[int]) -> ArmCell:
@@ -157,7 +159,7 @@ def test_several_places_of_the_target_show_more_of_the_arm() -> None:
 
 def test_arm_json_keeps_the_arm_and_x() -> None:
     cell, _, fit = identified("standard")
-    written = arm_document(fit, cell.problems, created_at="2026-11-22T12:00:00Z", software="handeyed 0")
+    written = identify_arm_document(ARM, cell.problems, **MADE)
     read = ArmErrorsDocument.model_validate_json(written.model_dump_json()).estimate()
     at, where = Postures(reachable_views(np.random.default_rng(5), ARM, TARGETS[0], 1)), WHERE
     for one, other in zip(registered_points(fit, at, where), registered_points(read, at, where), strict=True):
@@ -166,8 +168,8 @@ def test_arm_json_keeps_the_arm_and_x() -> None:
 
 
 def test_an_arm_json_of_the_first_version_places_points_as_it_did() -> None:
-    cell, _, fit = identified("standard")
-    written = arm_document(fit, cell.problems, created_at="2026-11-22T12:00:00Z", software="handeyed 0")
+    cell, _, _ = identified("standard")
+    written = identify_arm_document(ARM, cell.problems, **MADE)
     known = 6 + FIRST_PARAMETERS
     covariance = [row[:known] for row in written.covariance[:known]]
     parameters = written.parameters[:FIRST_PARAMETERS]
@@ -187,9 +189,8 @@ def test_six_views_are_too_few_and_a_session_in_one_posture_asks_for_another() -
     for count, one_posture in ((6, True), (12, True), (12, False)):
         joints = reachable_views(rng, ARM, target, count, one_posture=one_posture)
         cell = arm_cell(rng, build_arm(ARM, "standard", 4), [joints], [target])
-        fit = identify_arm_session(ARM, cell.problems)
-        written = arm_document(fit, cell.problems, created_at="2026-11-22T12:00:00Z", software="handeyed 0")
-        assert fit.taken_up is (count >= 10)
+        written = identify_arm_document(ARM, cell.problems, **MADE)
+        assert written.taken_up is (count >= 10)
         assert ("in one posture of the wrist" in arm_summary(written)) is one_posture
 
 

@@ -7,10 +7,9 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import AXES, Postures
 from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.likelihood.mapped_points import point_rows
-from calibration.solve import identify_arm_session
-from calibration.solver.arm_identification import ArmFit
 from calibration.solver.registered_points import point_variances, registered_points, unknown_covariances
 from calibration.transforms import Array, map_points
+from extensions.arm_identification.mathematics.identification import ArmFit, identify_arm_session
 from mock_robot.arm.built_arm import build_arm
 from tests.simulated.arms import (
     ArmCell,

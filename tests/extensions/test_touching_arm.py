@@ -5,7 +5,6 @@ import pytest
 
 from calibration.documents.calibration import calibration_document
 from calibration.documents.calibration_in_use import CalibrationInUse
-from calibration.documents.identified_arm import identify_arm_document
 from calibration.documents.pose import PoseDocument
 from calibration.documents.tip import TipDocument
 from calibration.documents.touch_test import TouchTestDocument
@@ -16,6 +15,7 @@ from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, map_points
 from calibration.verdict import judge
+from extensions.arm_identification.mathematics.documents import identify_arm_document
 from extensions.touch.mathematics.report import TouchingArm, touch_test
 from mock_robot.arm.built_arm import build_arm
 from tests.simulated.arms import (

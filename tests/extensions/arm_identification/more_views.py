@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.kinematics.arm import Arm
-from calibration.planning.arm_views import PointsOfInterest
-from calibration.planning.more_arm_views import MoreArmViews, plan_more_arm_views
 from calibration.problem import Problem
-from calibration.solve import identify_arm_session
-from calibration.solver.arm_identification import ArmFit
 from calibration.solver.registered_points import registered_points
 from calibration.transforms import Array, map_points
+from extensions.arm_identification.mathematics.identification import ArmFit, identify_arm_session
+from extensions.arm_identification.mathematics.more_views import MoreArmViews, plan_more_arm_views
+from extensions.arm_identification.mathematics.views import PointsOfInterest
 from mock_robot.arm.built_arm import BuiltArm, build_arm
 from tests.simulated.arms import MOUNT_T_CAMERA, arm_cell, reachable_views, target_places
 from tests.simulated.sessions import BOARD

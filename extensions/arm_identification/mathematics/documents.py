@@ -3,17 +3,29 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from calibration.documents.arm import ArmErrorsDocument, arm_document
-from calibration.documents.more_arm_views import more_arm_views_document
+import numpy as np
+
+from calibration.documents.arm import ArmErrorsDocument, ArmParameterDocument
+from calibration.documents.arm_conditions import LoadDocument
+from calibration.documents.calibration import CalibrationFindingDocument
+from calibration.documents.more_arm_views import (
+    FurtherArmViewDocument,
+    MoreArmViewsDocument,
+    PointAfterViewsDocument,
+)
+from calibration.documents.pose import PoseDocument, round_vector
 from calibration.errors import CalibrationError, GeometryError
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.joints_of_poses import joints_of_poses
+from calibration.kinematics.load import NO_LOAD
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence, as_sentence
 from calibration.solution import Finding
-from calibration.solve import identify_arm_session
-from calibration.solver.arm_session import CheckedDistance, KnownDistance
+from calibration.targets import Target
 from calibration.transforms import Array
+from extensions.arm_identification.mathematics.identification import ArmFit, identify_arm_session
+from extensions.arm_identification.mathematics.more_views import MORE_VIEWS, plan_more_arm_views
+from extensions.arm_identification.mathematics.session import CheckedDistance, KnownDistance
 
 DISTANCE_DISAGREES = "distance-disagrees"
 """Code of the warning that a known distance is not the one found."""
@@ -42,16 +54,45 @@ def identify_arm_document(
         raise GeometryError("the errors of an arm are identified from images only, this session holds poses or points")
     without = sum(view.stance.joints_rad is None for problem in problems for view in problem.views)
     whole = [_with_joints(arm, problem) for problem in problems]
-    fit = identify_arm_session(arm, whole, distances=distances)
-    more = more_arm_views_document(fit, problems[0].target, box_mm)
-    return arm_document(
-        fit,
-        whole,
-        created_at=created_at,
-        software=software,
-        joints_from_poses=without,
-        more_views=more,
-        findings=disagreements(fit.distances),
+    fit = identify_arm_session(arm, whole, distances)
+    joints = np.degrees(np.array([view.stance.joints_rad for problem in whole for view in problem.views]))
+    sigmas = np.sqrt(np.diagonal(fit.covariance)[6:])
+    return ArmErrorsDocument(
+        arm=fit.model.arm.identifier, created_at=created_at, software=software, setup=problems[0].setup,
+        taken_up=fit.taken_up, log_evidence=fit.log_evidence, ladder=list(fit.ladder),
+        mount_T_camera=PoseDocument.of(fit.mount_T_camera),
+        parameters=[
+            ArmParameterDocument(
+                name=one.name, group=one.group, axis=one.axis, unit=one.unit, value=float(value), sigma=float(sigma)
+            )
+            for one, value, sigma in zip(fit.model.parameters, fit.parameters, sigmas, strict=True)
+        ],
+        covariance=fit.covariance.tolist(),
+        scatter_mm=float(np.sqrt(fit.variances.translation)),
+        scatter_deg=float(np.degrees(np.sqrt(fit.variances.rotation))),
+        views=len(joints), joints_from_poses=without, places=len(problems),
+        load=LoadDocument.of(None if fit.load == NO_LOAD else fit.load), temperature_c=fit.temperature_c,
+        lowest_joints_deg=tuple(joints.min(axis=0).tolist()), highest_joints_deg=tuple(joints.max(axis=0).tolist()),
+        more_views=more_arm_views_document(fit, problems[0].target, box_mm),
+        findings=[CalibrationFindingDocument.of(finding) for finding in disagreements(fit.distances)],
+    )  # fmt: skip
+
+
+def more_arm_views_document(fit: ArmFit, target: Target, box_mm: Array | None = None) -> MoreArmViewsDocument | None:
+    """As `plan_more_arm_views`, after 10, 20 and 30 views, or all that are possible if fewer."""
+    planned = plan_more_arm_views(fit, target, box_mm)
+    if planned is None:
+        return None
+    counts = sorted({min(count, len(planned.after_mm)) for count in MORE_VIEWS})
+    return MoreArmViewsDocument(
+        box_mm=(round_vector(planned.box_mm[0]), round_vector(planned.box_mm[1])),
+        points=len(planned.interest.points_mm),
+        now_mm=round(planned.now_mm, 6),
+        after=[PointAfterViewsDocument(more=count, point_mm=round(planned.after_mm[count - 1], 6)) for count in counts],
+        further=[
+            FurtherArmViewDocument(joints_deg=tuple(joints), target_mm=round_vector(fit.anchor_T_target[place, :3, 3]))
+            for joints, place in zip(np.degrees(planned.joints_rad).tolist(), planned.places, strict=True)
+        ],
     )
 
 
@@ -72,7 +113,7 @@ def disagreements(distances: Sequence[CheckedDistance]) -> list[Finding]:
 
 
 def identify_with_findings(
-    arm: Arm, problem: Problem, *, created_at: str, software: str
+    arm: Arm, problem: Problem, created_at: str, *, software: str
 ) -> tuple[ArmErrorsDocument | None, tuple[Finding, ...]]:
     """As `identify_arm_document`, with findings in words; no document, and the reason, where it is refused."""
     try:

@@ -6,15 +6,20 @@ from functools import cache
 import numpy as np
 import pytest
 
-from calibration.documents.identified_arm import disagreements
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel, Postures
 from calibration.likelihood.shared_columns import fix_unknowns
 from calibration.problem import Problem
-from calibration.solve import estimate_session, identify_arm_session
-from calibration.solver.arm_identification import ArmFit
-from calibration.solver.arm_session import CheckedDistance, KnownDistance, TargetViews, begin_arm_session
+from calibration.solve import estimate_session
 from calibration.transforms import Array, map_points, transform_from_vector
+from extensions.arm_identification.mathematics.documents import disagreements
+from extensions.arm_identification.mathematics.identification import ArmFit, identify_arm_session
+from extensions.arm_identification.mathematics.session import (
+    CheckedDistance,
+    KnownDistance,
+    TargetViews,
+    begin_arm_session,
+)
 from mock_robot.arm.built_arm import BuiltArm
 from tests.simulated.arms import ArmCell, arm_cell, lengths_of, reachable_views, target_before
 from tests.simulated.sessions import BOARD

@@ -11,9 +11,10 @@ from calibration.kinematics.robot_accuracy import PRIOR_NOISE
 from calibration.knowledge import ARM_SHARE, ArmSource, Knowledge, TargetKnowledge
 from calibration.likelihood.mixed_model import Variances, solve
 from calibration.likelihood.shared_columns import with_arm
-from calibration.solve import estimate_session, identify_arm_session
-from calibration.solver.arm_hypotheses import SCALES, hypotheses, restrict
-from calibration.solver.arm_session import ArmSession, TargetViews, begin_arm_session
+from calibration.solve import estimate_session
+from extensions.arm_identification.mathematics.hypotheses import SCALES, hypotheses, restrict
+from extensions.arm_identification.mathematics.identification import identify_arm_session
+from extensions.arm_identification.mathematics.session import ArmSession, TargetViews, begin_arm_session
 from mock_robot.arm.built_arm import build_arm
 from tests.simulated.arms import REPEATABILITY, ArmCell, arm_cell, lengths_of, reachable_views, target_before
 from tests.simulated.sessions import BOARD

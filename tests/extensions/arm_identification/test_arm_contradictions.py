@@ -8,9 +8,9 @@ import pytest
 
 from calibration.kinematics.abb_arms import find_arm
 from calibration.problem import Problem
-from calibration.solve import identify_arm_session
-from calibration.solver.arm_hypotheses import SessionsContradict
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
+from extensions.arm_identification.mathematics.hypotheses import SessionsContradict
+from extensions.arm_identification.mathematics.identification import identify_arm_session
 from mock_robot.arm.built_arm import BuiltArm
 from tests.simulated.arms import MOUNT_T_CAMERA, arm_cell, reachable_views, target_places
 from tests.simulated.other_arms import FAMILIES, build_other_arm

@@ -9,24 +9,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.documents.more_arm_views import BOX_STEPS
 from calibration.kinematics.arm_box import box_around, grid_in, joints_at_places, joints_within_reach, middle_of
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
-from calibration.planning.arm_views import ArmExperiment, PointsOfInterest
 from calibration.planning.scene_belief import MIN_IMAGE_NOISE_PX
 from calibration.planning.viewpoints import ViewpointLimits, flange_poses, random_viewpoints, within_limits
 from calibration.planning.what_if import DEFAULT_TILT_RAD, MAX_DISTANCE_FACTOR, MIN_DISTANCE_FACTOR
-from calibration.solver.arm_identification import ArmFit
 from calibration.targets import Target
 from calibration.transforms import Array, map_points
+from extensions.arm_identification.mathematics.identification import ArmFit
+from extensions.arm_identification.mathematics.views import ArmExperiment, PointsOfInterest
 
 MORE_VIEWS = (10, 20, 30)
 """Numbers of further views that are reported."""
 
 CANDIDATES = 150
 """Random views of each place; those that are not within reach or sight are left out."""
-
-BOX_STEPS = 4
-"""Places along one edge of the box."""
 
 
 @dataclass(frozen=True, eq=False)

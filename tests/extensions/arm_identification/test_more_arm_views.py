@@ -8,14 +8,13 @@ import pytest
 
 from calibration.kinematics.abb_arms import find_arm
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
-from calibration.planning.more_arm_views import plan_more_arm_views
 from calibration.planning.viewpoints import target_in_view
-from calibration.solve import identify_arm_session
-from calibration.solver.arm_identification import ArmFit
 from calibration.solver.registered_points import registered_points
+from extensions.arm_identification.mathematics.identification import ArmFit, identify_arm_session
+from extensions.arm_identification.mathematics.more_views import plan_more_arm_views
 from mock_robot.arm.built_arm import ArmClass, build_arm
+from tests.extensions.arm_identification.more_views import predict_and_reach
 from tests.simulated.arms import arm_cell, reachable_views, target_before
-from tests.simulated.more_arm_views import predict_and_reach
 from tests.simulated.sessions import BOARD
 from tests.support.cases import by_night
 

@@ -14,9 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
-from calibration.errors import CalibrationError
-from calibration.kinematics.arm_errors import LADDER, ArmErrorModel, Postures
+from calibration.errors import CalibrationError, GeometryError
+from calibration.kinematics.abb_arms import ARMS
+from calibration.kinematics.arm import Arm
+from calibration.kinematics.arm_errors import AXES, LADDER, ArmErrorModel, Postures, approach_sides
 from calibration.kinematics.arm_estimate import ArmEstimate
+from calibration.kinematics.joint_check import require_joints_of_each_view
+from calibration.kinematics.load import NO_LOAD, SAME_SHARE, Load
 from calibration.likelihood.leave_out import split
 from calibration.likelihood.mapped_points import point_rows
 from calibration.likelihood.mixed_model import MixedModel, Variances, per_view_equations, solve
@@ -24,12 +28,27 @@ from calibration.likelihood.noise_marginalisation import Marginal, marginalise
 from calibration.likelihood.shared_columns import take_views
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import covariance_of, inverse_or_pseudo_inverse, squared_distances
-from calibration.problem import Setup
+from calibration.problem import Problem, Setup
+from calibration.sentences.sentence import from_one
 from calibration.solution import ArmLadderDocument
-from calibration.solver.arm_hypotheses import Contradiction, Restricted, find_contradiction, hypotheses, restrict
-from calibration.solver.arm_session import ArmSession, CheckedDistance, KnownDistance, TargetViews, begin_arm_session
+from calibration.solve import estimate_session
 from calibration.solver.view_outliers import MAX_ROUNDS, min_remaining, outlier_limit
 from calibration.transforms import Array, map_points, transform_from_vector
+from extensions.arm_identification.mathematics.hypotheses import (
+    Contradiction,
+    Restricted,
+    SessionsContradict,
+    find_contradiction,
+    hypotheses,
+    restrict,
+)
+from extensions.arm_identification.mathematics.session import (
+    ArmSession,
+    CheckedDistance,
+    KnownDistance,
+    TargetViews,
+    begin_arm_session,
+)
 
 MIN_LOG_EVIDENCE = 5.0
 """Exceeded by chance in less than one of 140 perfect arms (Markov's inequality)."""
@@ -114,15 +133,71 @@ class _Candidate:
         return self.marginal.log_evidence + self.of.of.log_prior
 
 
-def identify_arm(
-    arm: ArmErrorModel, views: Sequence[TargetViews], postures: Postures, distances: Sequence[KnownDistance] = ()
-) -> ArmFit:
-    """The arm's errors from views of the target at one place or several, which need not be known.
+def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Sequence[KnownDistance] = ()) -> ArmFit:
+    """The arm's errors, X and their covariance from sessions of images: of one target, at a place for each session.
 
-    `views`: the place with most views first; camera and noise levels start from its estimate. `postures`: of all views,
-    one place after the other. `distances`: known ones between the places.
+    `distances`: known ones between the target's places, which are counted as the problems are. All views hold joints.
+    Raises UndeterminedError where a session does not determine X without errors of the arm, GeometryError for views
+    without joints, of different loads or of one beyond the arm's payload, JointsDisagree for joints that are not this
+    arm's, SessionsContradict for views that do not belong together, UnusualArm for errors that arms do not have.
     """
-    session, levels = _select(begin_arm_session(arm, views, postures, distances))
+    load, found = _load_of(arm, problems), []
+    for problem in problems:
+        alone = estimate_session(_with_own_joints(arm, problem))
+        seen, at = TargetViews(alone.prepared, alone.selection.used, alone.best), alone.prepared.seen.positions
+        stood = np.array([view.stance.joints_rad for view in problem.views])
+        celsius = np.array([view.arm_temperature_c for view in problem.views], float)  # NaN where it is not known
+        found.append((seen, (stood[at], approach_sides(stood)[at], celsius[at])))  # it went from view to view
+    order = sorted(range(len(found)), key=lambda row: -int(np.count_nonzero(found[row][0].used)))
+    views, standstills = zip(*(found[row] for row in order), strict=True)
+    known = [replace(one, first=order.index(one.first), second=order.index(one.second)) for one in distances]
+    joints, sides, temperatures_c = (np.concatenate(parts) for parts in zip(*standstills, strict=True))
+    mean_c = round(float(temperatures_c.mean()), 2)  # a step of 0.01 K moves no point by a micrometre
+    warmth_k = None if np.isnan(mean_c) else temperatures_c - mean_c
+    postures = Postures(joints, load or NO_LOAD, sides, warmth_k)
+    fit = _identify(begin_arm_session(ArmErrorModel(arm), views, postures, known))
+    if one := fit.contradiction:
+        place = order[one.place]
+        number = None if one.position is None else problems[place].views[one.position].index + 1
+        raise SessionsContradict(one, place + 1, number)
+    if unusual := fit.beyond_usual():
+        raise UnusualArm(arm.name, unusual)
+    return fit if warmth_k is None else replace(fit, temperature_c=mean_c)
+
+
+def _load_of(arm: Arm, problems: Sequence[Problem]) -> Load | None:
+    """What the flange carried in all of them, None where any of them does not state it. Raises GeometryError."""
+    loads = [problem.load for problem in problems]
+    known = [load for load in loads if load is not None]
+    heaviest_kg = max((load.mass_kg for load in known), default=0.0)
+    if arm.payload_kg is not None and heaviest_kg > (1 + SAME_SHARE) * arm.payload_kg:
+        raise GeometryError(
+            f"the sessions carried {heaviest_kg:g} kg, an {arm.name} carries {arm.payload_kg:g} kg: correct the load"
+        )
+    for other in known[1:]:
+        if not other.is_as(known[0]):
+            raise GeometryError(
+                f"the sessions carried {known[0].mass_kg:g} and {other.mass_kg:g} kg, or another centre: the errors of"
+                " an arm are identified with one load"
+            )
+    return known[0] if known and len(known) == len(loads) else None
+
+
+def _with_own_joints(arm: Arm, problem: Problem) -> Problem:
+    """The problem, whose views hold joints of that arm. Raises GeometryError, JointsDisagree."""
+    joints = [view.stance.joints_rad for view in problem.views]
+    without = [view.index for view, one in zip(problem.views, joints, strict=True) if one is None or len(one) != AXES]
+    if without:
+        what = f"pictures {from_one(without)} hold no joints of six axes, from which an arm's errors are identified"
+        raise GeometryError(f"{what}: record joints_deg, or confdata, since a pose has several postures")
+    poses, numbers = np.array([view.base_T_flange for view in problem.views]), [view.index for view in problem.views]
+    require_joints_of_each_view(arm, np.array(joints), poses, ARMS, numbers)
+    return problem
+
+
+def _identify(begun: ArmSession) -> ArmFit:
+    """The arm's errors from views of the target at one place or several, which need not be known."""
+    session, levels = _select(begun)
     wanted = hypotheses(session)
     restricted = restrict(session, wanted, levels)
     logs = np.array([one.log_likelihood() for one in restricted])

@@ -1,0 +1,1 @@
+"""Identification of an arm's own errors from the pictures of a calibration: arm.json."""

@@ -1,0 +1,1 @@
+"""Mathematics of the identification: no device, clock or framework."""
