@@ -14,7 +14,7 @@ from calibration.transforms import transform
 from daemon.cli.main import app
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.context import RequestContext
-from mock_robot.rws.exchange import DONE, Reply
+from mock_robot.rws.exchange import DONE, Item, Reply
 from mock_robot.rws.routes import answer_request
 from protocols.cfg_file import CfgInstance, parse_cfg
 from tests.daemon.cli.running import Ran, handeyed
@@ -210,6 +210,25 @@ def test_nothing_is_changed_when_the_backup_fails(tmp_path: Path, monkeypatch: p
         ran = run(cell, 1, "--yes", "--backup", tmp_path)
         assert ran.status == 1
         assert "was not ready in 0 s" in ran.err
+        assert not of_home(cell)
+
+
+@pytest.mark.parametrize("code", ["-1073442814", "3221524482"])
+def test_a_backup_that_ends_with_an_error_is_no_backup(
+    code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is "ready" all the same: its code tells, with a sign or without."""
+    failed = Item("progress", "1", {"state": "ready", "code": code})
+
+    def with_a_full_disk(context: RequestContext) -> Reply:
+        return Reply(items=[failed]) if "/progress/" in context.asked.path else answer_request(context)
+
+    monkeypatch.setattr("mock_robot.rws.service.answer_request", with_a_full_disk)
+    with rws_cell_apart() as cell:
+        cell.does(lambda: bare(cell))
+        ran = run(cell, 2, "--yes", "--backup", tmp_path)
+        assert ran.status == 1
+        assert f"failed ({code}): make one at the pendant" in ran.err
         assert not of_home(cell)
 
 

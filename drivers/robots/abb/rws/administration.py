@@ -16,6 +16,7 @@ from protocols.cfg_file import CfgInstance
 ABSENT = ("NOT_FOUND", "BAD_ARGUMENT", "GONE")
 """Statuses of a refusal of something that this RobotWare, or this controller, does not have."""
 BACKUP_LIMIT_S, BACKUP_POLL_S = 300, 1
+BACKUP_FIX = "make one at the pendant, look at the event log, then run this again"
 
 
 @dataclass(frozen=True)
@@ -168,10 +169,14 @@ class RwsAdministration:
         for _ in range(int(BACKUP_LIMIT_S / BACKUP_POLL_S)):
             values = await self.read_first(progress) if progress else {}
             if values.get("state") == "ready":
-                return
+                code = str(values.get("code", "0"))
+                if code.isdecimal() and len(code) < 10:
+                    return
+                # An HRESULT: an error is negative, or above 2**31 where it is written without a sign.
+                raise RequestRefused(self.device, f"the backup {name} failed ({code})", BACKUP_FIX)
             await self._timing.sleep(BACKUP_POLL_S)
         what = f"the backup {name} was not ready in {BACKUP_LIMIT_S} s"
-        raise DeviceTimeout(self.device, what, "make one at the pendant, look at the event log, then run this again")
+        raise DeviceTimeout(self.device, what, BACKUP_FIX)
 
     async def save_configuration(self, domain: str, path: str) -> bytes | None:
         """Save a domain to a file below HOME, and return its content."""
