@@ -254,7 +254,7 @@ class Interview:
     async def take_box(self, text: str) -> AnswerFound:
         assert self.controller is not None
         self.controller = seen = await read_robot(self.controller)
-        corners = [*self.corners, *parse_corners(text, seen.flange_mm, seen.program_box_mm)]
+        corners = [*self.corners, *parse_corners(text, seen.flange_mm, seen.program_box_mm)][-2:]
         self.corners = corners if len(corners) == 1 else []
         answer = " ".join(f"{value:g}" for corner in corners for value in corner)
         if self.corners:

@@ -149,6 +149,14 @@ def test_a_box_is_taken_with_the_arm(cell: dict[str, Any], tmp_path: Path) -> No
     assert f"flange at ({high[0]:.0f}, {low[1]:.0f}, {high[2]:.0f}) mm" in ran.out
 
 
+def test_two_corners_after_one_that_was_taken_with_the_arm_are_the_box(cell: dict[str, Any], tmp_path: Path) -> None:
+    """The first was one of three, and the box reached from the lowest to the highest of them."""
+    ran = init(tmp_path / "handeyed.toml", *answers_of(cell)[:-1], "0 0 -4000", "0 -900 0 1400 900 1600")
+
+    assert ran.status == 0, ran.err
+    assert load_settings(tmp_path / "handeyed.toml").robot.box_mm == ((0, -900, 0), (1400, 900, 1600))
+
+
 def test_a_target_that_is_wrongly_recognised_is_typed(cell: dict[str, Any], tmp_path: Path) -> None:
     controller, camera, setup, _, size, tolerance, box = answers_of(cell)
 
