@@ -59,8 +59,9 @@ def init(
         usual["target"] = usual["target"] or found.target or ""
     with writing(file, "name another file"):
         kept = write_settings(file, interview.settings_text())
-    old = f"; the old one is {kept}" if kept is not None else ""
+    old, url = f"; the old one is {kept}" if kept is not None else "", before.settings.server.local_url
     typer.echo(f"\n{file} is written{old}. Next:\n  handeyed check {file}\n  handeyed serve {file}")
+    typer.echo(f"  handeyed calibrate --url {url}  # in a second terminal: THE ARM MOVES")
 
 
 def _ask(interview: "Interview", name: str, question: str, usual: str | None, numbers: dict[str, str]) -> "AnswerFound":

@@ -88,6 +88,16 @@ def test_few_answers_make_settings_that_the_check_finds_well(cell: dict[str, Any
     assert checked.status == 0, checked.out
 
 
+def test_the_address_of_a_second_daemon_is_said(
+    cell: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its port is the next one, and `handeyed calibrate` without --url would move the first one's arm."""
+    monkeypatch.setattr("daemon.cli.rest_client.free_port", lambda: 8373)
+    ran = init(tmp_path / "handeyed.toml", *answers_of(cell))
+    assert load_settings(tmp_path / "handeyed.toml").server.port == 8373
+    assert "handeyed calibrate --url http://127.0.0.1:8373  # in a second terminal: THE ARM MOVES" in ran.out
+
+
 def test_settings_that_are_there_are_proposed_and_kept(cell: dict[str, Any], tmp_path: Path) -> None:
     file = tmp_path / "handeyed.toml"
     assert init(file, *answers_of(cell)).status == 0
