@@ -29,12 +29,12 @@ from daemon.store.database import Database
 CONDITIONS: dict[str, str] = {
     "kind": "kind = ?",
     "state": "state = ?",
-    "since": "created_at >= ?",
-    "until": "created_at < ?",
+    "since": "created_at >= rtrim(?, 'Z')",
+    "until": "created_at < rtrim(?, 'Z')",
     "accepted": "accepted = ?",
     "name": "instr(lower(name), lower(?)) > 0",
 }
-"""Of queries, by the name of the parameter. Times are compared as text: ISO 8601 in UTC sorts by time."""
+"""Of queries, by the name of the parameter. Times are compared as text: ISO 8601 in UTC sorts by time, but for "Z"."""
 
 
 @dataclass(frozen=True)
