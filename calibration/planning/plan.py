@@ -54,7 +54,7 @@ def plan_poses(
     if taken is not None:
         known = known + view_information(scene, taken).sum(axis=0)
     missing_views = 0 if taken is None else MANY_VIEWS - len(taken)
-    goal_mm2 = None if goal_mm is None else (goal_mm / COVERAGE_FACTOR) ** 2
+    goal_mm2 = None if goal_mm is None else max(goal_mm / COVERAGE_FACTOR, 1e-9) ** 2  # never 0
     rng = np.random.default_rng(seed)
     search = Search(scene, limits, reachable, rng, alternatives, start, goal_mm2, missing_views)
     chosen = select_viewpoints(search, count, known, restarts)

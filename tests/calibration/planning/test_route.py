@@ -53,6 +53,8 @@ def test_poses_to_a_goal_take_less_of_the_arm_than_those_of_the_least_u() -> Non
     assert length_mm(LOOK, soonest.base_T_flange) < 0.67 * length_mm(LOOK, least.base_T_flange)
 
 
-def test_a_goal_beyond_reach_takes_every_pose() -> None:
-    plan = plan_poses(TRUTH, WIDE, 4, start=LOOK, taken=LOOK[None], restarts=1, goal_mm=1e-3)
+@pytest.mark.parametrize("goal_mm", [1e-3, 1e-300])
+def test_a_goal_beyond_reach_takes_every_pose(goal_mm: float) -> None:
+    """Also one whose square is 0."""
+    plan = plan_poses(TRUTH, WIDE, 4, start=LOOK, taken=LOOK[None], restarts=1, goal_mm=goal_mm)
     assert len(plan.base_T_flange) == 4
