@@ -126,8 +126,9 @@ function Views({ document, run }) {
   const [chosen, setChosen] = useState(null);
   const [free, setFree] = useState(false);
   const seen = useAsked(run ? `/runs/${encodeURIComponent(run)}/views` : null);
+  const shown_px = new Map(seen.data?.views.map((one) => [one.index, free ? one.rms_px_free : one.rms_px])); // as the arrows, and as Run has it
   const rows = document.views.map((view) => ({
-    ...view, rms_px: view.reprojection_px, robot_mm: view.robot_correction ? Math.hypot(...view.robot_correction.translation_mm) : null,
+    ...view, rms_px: shown_px.get(view.index) ?? view.reprojection_px, robot_mm: view.robot_correction ? Math.hypot(...view.robot_correction.translation_mm) : null,
   }));
   const worst = rows.reduce((a, b) => ((b.base_error_mm ?? 0) > (a?.base_error_mm ?? -1) ? b : a), null);
   const index = chosen ?? worst?.index;

@@ -106,6 +106,40 @@ async def test_a_calibration_has_one_address_from_its_start_to_its_result(open_p
         bench.robot.before_move = None
 
 
+MISSES = (
+    "[...document.querySelectorAll('.views tbody tr')].map((row) => row.querySelector('.bar-cell').textContent).join()"
+)
+"""Of the pictures in the table, px."""
+
+
+async def test_a_picture_misses_by_as_much_on_run_and_on_result(open_page: Opened, cell: Cell) -> None:
+    """From the pose as reported, as the arrows beside show it; the corrected pose is chosen."""
+    made = await calibrated(cell)
+    bench, keys = cell
+    views = (await bench.client.get(f"/runs/{made}/views", headers=bearer(keys["viewer"]))).json()
+    reported, corrected = (",".join([text] * len(views["views"])) for text in ("0.500", "0.070"))
+    views["views"] = [view | {"rms_px": 0.5, "rms_px_free": 0.07} for view in views["views"]]
+    for place in (f"run/{made}", "result"):
+        async with open_page("viewer", "cell", viewport=SCREEN) as page:
+            await page.route("**/runs/*/views", lambda route: route.fulfill(json=views))
+            await page.evaluate("place => { location.hash = '#/' + place }", place)
+            await page.wait_for_function(f"text => {MISSES} === text", arg=reported)
+            if place == "result":
+                await page.get_by_label("With the correction of this robot pose").check()
+                await page.wait_for_function(f"text => {MISSES} === text", arg=corrected)
+
+
+FRAME = "document.querySelector('.views').parentElement"
+
+
+@pytest.mark.parametrize("language", ["en", "de", "es"])
+async def test_every_column_of_the_pictures_is_in_view(open_page: Opened, cell: Cell, language: str) -> None:
+    await calibrated(cell)
+    async with open_page("viewer", "result", f"lang={language}", viewport=SCREEN) as page:
+        await page.locator(".views tbody tr").first.wait_for()
+        assert await page.evaluate(f"{FRAME}.scrollWidth <= {FRAME}.clientWidth")
+
+
 async def test_the_arm_is_moved_in_a_drawer_beside_the_picture(open_page: Opened, cell: Cell) -> None:
     async with open_page("operator", "cell", viewport=SCREEN) as page:
         await page.get_by_role("button", name="Move arm").press("Enter")
