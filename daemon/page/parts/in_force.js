@@ -1,17 +1,14 @@
 // The accuracy of a calibration: U (k = 2) at the worst of the points that matter on its scale, beside what it is judged by.
 import { html } from '../vendor/preact.js';
 import { mm } from '../state/numbers.js';
-import { sentence, t } from '../state/words.js';
+import { sentence, t, volumePoint } from '../state/words.js';
 import { Facts } from './card.js';
 import { Scale } from './scale.js';
 
-const VOLUME = ['near', 'middle', 'far', 'top', 'bottom', 'left', 'right'];
-
-/** The name of a point in words: those of the working volume in this language, a user's own as it is. */
-function PointName({ name }) {
-  const parts = name.split(' ');
-  if (parts.length !== 3 || !parts.every((part) => VOLUME.includes(part))) return html`<span lang="">${name}</span>`;
-  return html`<span>${parts.map((part) => t(`volume.${part}`)).join(' ')}</span>`;
+/** The name of a point in words, a user's own as it is. */
+export function PointName({ name }) {
+  const words = volumePoint(name);
+  return words ? html`<span>${words}</span>` : html`<span lang="">${name}</span>`;
 }
 
 /** Who activated a calibration: a name, or the rule that does it without a person. */

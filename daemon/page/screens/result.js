@@ -7,7 +7,7 @@ import { Ellipsoids } from '../parts/ellipsoids.js';
 import { Exports } from '../parts/exports.js';
 import { Findings } from '../parts/findings.js';
 import { HoldButton } from '../parts/hold_button.js';
-import { Uncertainty, activator } from '../parts/in_force.js';
+import { PointName, Uncertainty, activator } from '../parts/in_force.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
 import { SolveAgain } from '../parts/solve_again.js';
@@ -115,7 +115,7 @@ function Compare({ document, current, active }) {
   return html`<p class="sentence">${agree === null ? '○' : agree ? '=' : '≠'} ${t(agree === null ? 'compare.unknown' : agree ? 'compare.agree' : 'compare.differ')}</p>
     <table><thead><tr><th scope="col">${t('compare.what')}</th><th scope="col" class="num">${t('compare.by')}</th><th scope="col" class="num">${t('compare.known')}</th></tr></thead>
     <tbody>
-      ${worst && html`<tr><th scope="row">${t('compare.point')} <span lang="en">${worst.name}</span></th><td class="num">${mm(worst.difference_mm)}</td><td class="num">${worst.expanded_mm === null ? '—' : `± ${mm(worst.expanded_mm)}`}</td></tr>`}
+      ${worst && html`<tr><th scope="row">${t('compare.point')} <${PointName} name=${worst.name} /></th><td class="num">${mm(worst.difference_mm)}</td><td class="num">${worst.expanded_mm === null ? '—' : `± ${mm(worst.expanded_mm)}`}</td></tr>`}
       <tr><th scope="row">${t('compare.translation')}</th><td class="num">${mm(translation_mm)}</td><td class="num">—</td></tr>
       <tr><th scope="row">${t('compare.rotation')}</th><td class="num">${deg(rotation_deg)}</td><td class="num">—</td></tr>
     </tbody></table>

@@ -68,11 +68,24 @@ export function sentence({ id, params = {}, message }) {
 
 function translated(table, id, params) {
   try {
-    return fill(table[id], params, table, decimalMark());
+    return fill(table[id], inWords(params), table, decimalMark());
   } catch {
     return null; // a part of it has no translation yet
   }
 }
+
+const VOLUME = ['near', 'middle', 'far', 'top', 'bottom', 'left', 'right'];
+
+/** The name of a point of the working volume in this language; null of a user's own. */
+export function volumePoint(name) {
+  const parts = String(name).split(' ');
+  return parts.length === 3 && parts.every((part) => VOLUME.includes(part)) ? parts.map((part) => t(`volume.${part}`)).join(' ') : null;
+}
+
+/** `params` with `point` in words, also of the sentences among them. */
+const inWords = (params) => Object.fromEntries(Object.entries(params).map(([name, value]) => [
+  name, name === 'point' ? (volumePoint(value) ?? value) : value?.params ? { ...value, params: inWords(value.params) } : value,
+]));
 
 /** The texts `messages` in words, by their `details` { id, params } where the daemon gives them. */
 export const sentences = (messages, details = []) => messages.map((message, index) => sentence({ ...details[index], message }));

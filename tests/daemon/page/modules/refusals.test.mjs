@@ -49,3 +49,10 @@ test('without details, or with one that has no translation, the code says what i
     assert.notEqual(said.fix.text, SAME_POSE.fix);
   }
 });
+
+test('a point of the working volume is named in the language, also within a sentence, and one of a user stays', () => {
+  const at = (point) => ({ id: 'compared-at-points', params: { apart: { id: 'compared-apart', params: { translation_mm: 0.1, rotation_deg: 0.01 } }, point, difference_mm: 0.137 } });
+  const said = words.sentence({ id: 'compared-agree', params: { apart: at('far bottom right'), mahalanobis: 2.3, percent: 53 } }).text;
+  assert.ok(said.includes('bei fern unten rechts 0,137 mm'), said);
+  for (const own of ['far weld seam', 'top', 'Bohrung 3']) assert.ok(words.sentence(at(own)).text.includes(`bei ${own} 0,137 mm`));
+});
