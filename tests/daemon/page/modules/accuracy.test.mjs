@@ -34,7 +34,7 @@ function textOf(node) {
 
 test('an accuracy is shown with what it is judged by', () => {
   const text = textOf(Uncertainty({ accuracy: ACCURACY }));
-  for (const part of ['± 0.23 mm', 'far top left', '± 1.0 mm · not stated by you', '± 0.12 mm', '± 0.57 mm', ACCURACY.why.message]) assert.ok(text.includes(part), `${part}: ${text}`);
+  for (const part of ['± 0.23 mm', 'far top left', '± 1.0 mm · not stated by you', '± 0.12 mm', 'Active at the time', '± 0.57 mm', ACCURACY.why.message]) assert.ok(text.includes(part), `${part}: ${text}`);
 });
 
 test('a tolerance that was stated is not said to be otherwise', () => {
