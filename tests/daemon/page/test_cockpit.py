@@ -140,6 +140,38 @@ async def test_every_column_of_the_pictures_is_in_view(open_page: Opened, cell: 
         assert await page.evaluate(f"{FRAME}.scrollWidth <= {FRAME}.clientWidth")
 
 
+LINES = """([button, why]) => [button, why].map((selector) => {
+  const words = document.createRange();
+  words.selectNodeContents(document.querySelector(selector));
+  const { top, bottom } = words.getBoundingClientRect();
+  return [top, bottom];
+})"""
+"""Upper and lower end of the text, px."""
+
+
+@pytest.mark.parametrize("role", ["operator", "viewer"])
+@pytest.mark.parametrize("language", ["en", "de", "es"])
+async def test_why_the_arm_cannot_be_moved_does_not_lie_on_the_name_of_the_button(
+    open_page: Opened, cell: Cell, language: str, role: str
+) -> None:
+    """While a run is in progress, and for who may not: the sentence of a viewer has two lines."""
+    await calibrated(cell)
+    bench, keys = cell
+    bench.robot.before_move = gate = Gate(len(bench.robot.goals) + 1)
+    run = (await bench.client.post("/verify", headers=bearer(keys["operator"]))).json()["id"]
+    try:
+        async with open_page(role, "cell", f"lang={language}", viewport=SCREEN) as page:
+            await page.locator("#hold-verify[aria-disabled=true]").wait_for()
+            name, why = await page.evaluate(LINES, ["#hold-verify .label", "#hold-verify-how"])
+            assert name[1] <= why[0] + 1
+            box = await box_of(page, "#hold-verify")
+            assert why[1] <= box["y"] + box["height"]
+    finally:
+        gate.open.set()
+        bench.robot.before_move = None
+        await bench.client.get(f"/runs/{run}", params={"wait": LIMIT_S}, headers=bearer(keys["operator"]))
+
+
 async def test_the_arm_is_moved_in_a_drawer_beside_the_picture(open_page: Opened, cell: Cell) -> None:
     async with open_page("operator", "cell", viewport=SCREEN) as page:
         await page.get_by_role("button", name="Move arm").press("Enter")
