@@ -109,8 +109,7 @@ class RwsAdministration:
 
     async def read_mastership(self) -> Values:
         """Who holds the mastership that loading needs; {} where there is none, as on RobotWare 8."""
-        domain = "rapid" if self.version == 1 else "edit"
-        return await self.read_first(f"/rw/mastership/{domain}")
+        return await self.read_first(f"/rw/mastership/{'rapid' if self.version == 1 else 'edit'}")
 
     async def read_instances(self, domain: str, kind: str) -> tuple[ConfigurationInstance, ...]:
         """Instances of a type of the configuration."""
@@ -163,8 +162,7 @@ class RwsAdministration:
     async def save_backup(self, name: str) -> None:
         """Make a full backup of that name on the controller, and wait for it. Its disk holds it, not HOME."""
         dialect = self._client.require_dialect()
-        call, query = dialect.call("backup")
-        answer = await self._client.post(call, query, {"backup": f"/fileservice/{dialect.backups}/{name}"})
+        answer = await self._client.post(*dialect.call("backup"), {"backup": f"/fileservice/{dialect.backups}/{name}"})
         progress = urlsplit(answer.headers.get("location", "")).path
         for _ in range(int(BACKUP_LIMIT_S / BACKUP_POLL_S)):
             values = await self.read_first(progress) if progress else {}
@@ -175,14 +173,13 @@ class RwsAdministration:
                 # An HRESULT: an error is negative, or above 2**31 where it is written without a sign.
                 raise RequestRefused(self.device, f"the backup {name} failed ({code})", BACKUP_FIX)
             await self._timing.sleep(BACKUP_POLL_S)
-        what = f"the backup {name} was not ready in {BACKUP_LIMIT_S} s"
-        raise DeviceTimeout(self.device, what, BACKUP_FIX)
+        raise DeviceTimeout(self.device, f"the backup {name} was not ready in {BACKUP_LIMIT_S} s", BACKUP_FIX)
 
     async def save_configuration(self, domain: str, path: str) -> bytes | None:
         """Save a domain to a file below HOME, and return its content."""
         dialect = self._client.require_dialect()
-        call, query = dialect.call("save_cfg", domain=domain)
-        await self._client.post(call, query, {"filepath": f"/fileservice/{dialect.home}/{path}"})
+        form = {"filepath": f"/fileservice/{dialect.home}/{path}"}
+        await self._client.post(*dialect.call("save_cfg", domain=domain), form)
         return await self.read_file(path)
 
     @asynccontextmanager
@@ -198,9 +195,7 @@ class RwsAdministration:
     async def load_configuration(self, path: str) -> None:
         """Load a configuration file of HOME, when it has no duplicates. Needs the mastership of cfg."""
         dialect = self._client.require_dialect()
-        call, query = dialect.call("load_cfg")
-        form: Mapping[str, str] = {"filepath": f"{dialect.home}/{path}", "action-type": "add"}
-        await self._client.post(call, query, form)
+        await self._client.post(*dialect.call("load_cfg"), {"filepath": f"{dialect.home}/{path}", "action-type": "add"})
 
     async def delete_instance(self, domain: str, kind: str, found: ConfigurationInstance) -> None:
         """Delete an instance of the configuration, by its id where it has no title. Needs the mastership of cfg."""
@@ -209,16 +204,12 @@ class RwsAdministration:
 
     async def write_symbol(self, name: str, value: str) -> None:
         """Set a PERS. Needs the mastership of rapid."""
-        path, query = self._client.require_dialect().call("set_symbol", name=name)
-        await self._client.post(path, query, {"value": value})
+        await self._client.post(*self._client.require_dialect().call("set_symbol", name=name), {"value": value})
 
 
 def _texts(value: Any, name: str) -> Iterator[str]:
     """Every text called `name`, at any depth: RWS 2.0 nests what 1.0 lists."""
-    if isinstance(value, list):
-        for each in value:
-            yield from _texts(each, name)
-    elif isinstance(value, dict):
-        if isinstance(value.get(name), str):
-            yield value[name]
-        yield from (text for each in value.values() if isinstance(each, list | dict) for text in _texts(each, name))
+    if isinstance(value, dict) and isinstance(value.get(name), str):
+        yield value[name]
+    inside = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    yield from (text for each in inside for text in _texts(each, name))

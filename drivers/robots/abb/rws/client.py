@@ -132,9 +132,8 @@ class RwsClient:
     async def get_file(self, path: str) -> bytes | None:
         """Content of a file below the controller's home folder; None when there is none. Raises DeviceError."""
         dialect = self.require_dialect()
-        headers = {"Accept": "*/*"}
         try:
-            answer = await self._ask("GET", f"/fileservice/{dialect.home}/{path}", {}, headers=headers)
+            answer = await self._ask("GET", f"/fileservice/{dialect.home}/{path}", {}, headers={"Accept": "*/*"})
         except RequestRefused as refused:
             if refused.status == "NOT_FOUND":
                 return None
