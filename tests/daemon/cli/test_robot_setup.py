@@ -80,7 +80,9 @@ def held(cell: RwsCell) -> None:
 FINDINGS: list[tuple[int, State, str, bool, str]] = [
     (1, without("623-1"), "multitasking", True, "623-1 Multitasking"),
     (2, without("3114-1"), "multitasking", True, "3114-1 Multitasking"),
+    (2, without("3114-1"), "multitasking", True, "pendant, Settings, System, Options"),
     (1, without("616-1"), "pc-interface", True, "616-1 PC Interface"),
+    (1, without("616-1"), "pc-interface", True, "pendant, System Info, System properties, Options"),
     (1, denied("UAS_FTP_WRITE"), "grant-files", True, "Groups"),
     (2, denied("UAS_FILE_ACCESS_READ_WRITE"), "grant-files", True, "Roles"),
     (2, denied("UAS_CFG_WRITE"), "grant-configuration", False, "Modify configuration"),

@@ -14,7 +14,7 @@ UAS = {
     6: "RobotStudio: Controller, Authenticate, Edit User Accounts, Groups",
     7: "RobotStudio: Controller, Authenticate, Edit User Accounts, Roles",
 }
-OPTIONS_MENU = "to see what there is: pendant, System Info, System properties, Options; ABB sells it as an option key"
+OPTIONS_MENU = {6: "System Info, System properties, Options", 7: "Settings, System, Options"}
 
 
 @dataclass(frozen=True)
@@ -115,20 +115,21 @@ def _system(survey: ControllerSurvey) -> Iterable[Finding]:
 
 def _options(survey: ControllerSurvey, *, serial: bool, egm: bool) -> Iterable[Finding]:
     second = "623-1 Multitasking" if survey.family == 6 else "3114-1 Multitasking"
+    menu = f"what there is: pendant, {OPTIONS_MENU.get(survey.family, OPTIONS_MENU[7])}; ABB sells it as an option key"
     if survey.options is None:
         needed = f"616-1 PC Interface and {second} are" if survey.family == 6 else f"{second} is"
-        yield Finding("options", False, "the controller does not list its options", f"{needed} needed; {OPTIONS_MENU}")
+        yield Finding("options", False, "the controller does not list its options", f"{needed} needed; {menu}")
         return
     if not _has(survey.options, second, "multitasking"):
-        yield Finding("multitasking", True, f"option {second} is missing: no second task", OPTIONS_MENU)
+        yield Finding("multitasking", True, f"option {second} is missing: no second task", menu)
     socket = _has(survey.options, "616-1 PC Interface", "pc interface") or _has(survey.options, "672-1", "socket mess")
     if survey.family == 6 and not (socket or serial):
         what = "option 616-1 PC Interface is missing: no sockets, and Robot Web Services at the service port only"
-        fix = f"use a serial line (--set cell_use_serial=TRUE), or calibrate by hand over rws://; {OPTIONS_MENU}"
+        fix = f"use a serial line (--set cell_use_serial=TRUE), or calibrate by hand over rws://; {menu}"
         yield Finding("pc-interface", True, what, fix)
     guided = "689-1 Externally Guided Motion" if survey.family == 6 else "3124-1 Externally Guided Motion"
     if egm and not _has(survey.options, guided, "externally guided"):
-        yield Finding("egm", True, f"option {guided} is missing: no [robot.egm]", OPTIONS_MENU)
+        yield Finding("egm", True, f"option {guided} is missing: no [robot.egm]", menu)
 
 
 def _networks(survey: ControllerSurvey, *, serial: bool, egm: bool) -> Iterable[Finding]:
