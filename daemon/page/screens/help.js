@@ -6,7 +6,7 @@ import { Missing, useAsked } from '../parts/loaded.js';
 import { ask } from '../state/ask.js';
 import { may } from '../state/now.js';
 import { linkTo } from '../state/place.js';
-import { causeWords, t } from '../state/words.js';
+import { causeWords, meaning, t } from '../state/words.js';
 
 const RULES = ['hold', 'end', 'age', 'U', 'keys'];
 
@@ -43,7 +43,7 @@ function Code({ code }) {
 }
 
 const Entry = ({ entry }) => {
-  const { what, fix, detail } = causeWords(entry);
+  const { fix, detail } = causeWords(entry), what = meaning(entry);
   return html`<p lang=${what.lang}>${what.text}</p>${detail && html`<p class="small quiet" lang="en">${detail}</p>`}
     ${fix.text && html`<p class="quiet" lang=${fix.lang}>→ ${fix.text}</p>`}`;
 };
@@ -51,9 +51,10 @@ const Entry = ({ entry }) => {
 function Codes() {
   const [wanted, setWanted] = useState('');
   const help = useAsked('/help');
-  const list = (help.data?.help ?? []).filter(({ code, what = '' }) => `${code} ${what}`.toLowerCase().includes(wanted.toLowerCase()));
+  const list = (help.data?.help ?? []).map((entry) => ({ code: entry.code, ...meaning(entry) }))
+    .filter(({ code, text }) => `${code} ${text}`.toLowerCase().includes(wanted.toLowerCase()));
   return html`<${Card} title=${t('help.codes')} id="codes" wide="3"><${Missing} asked=${help} none=${t('missing.none')} />
     ${help.data && html`<label for="find-code">${t('help.find')}</label><input id="find-code" type="search" value=${wanted} onInput=${(event) => setWanted(event.target.value)} />
-      <ul class="plain codes">${list.map((entry) => html`<li><a href=${linkTo('help', entry.code)}>${entry.code}</a> <span lang="en">${entry.what}</span></li>`)}</ul>`}
+      <ul class="plain codes">${list.map(({ code, text, lang }) => html`<li><a href=${linkTo('help', code)}>${code}</a> <span lang=${lang}>${text}</span></li>`)}</ul>`}
   </${Card}>`;
 }

@@ -100,3 +100,9 @@ export function causeWords({ id, code, params, what, fix, details = {} }) {
   const said = whole ?? sentence({ id: id ?? `${code}.what`, params, message: what });
   return { what: said, fix: made('fix', fix) ?? sentence({ id: `${code}.fix`, message: fix }), detail: whole || said.text === what ? null : what };
 }
+
+/** What a code of GET /help means, as { text, lang }: … for what only a case of it knows. */
+export function meaning({ code, kind, what = '' }) {
+  const { text, lang } = sentence({ id: kind === 'error' ? `${code}.what` : code, message: what });
+  return { text: text.replace(/\{[^}]*\}/g, '…'), lang };
+}

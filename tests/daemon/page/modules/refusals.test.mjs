@@ -56,3 +56,10 @@ test('a point of the working volume is named in the language, also within a sent
   assert.ok(said.includes('bei fern unten rechts 0,137 mm'), said);
   for (const own of ['far weld seam', 'top', 'Bohrung 3']) assert.ok(words.sentence(at(own)).text.includes(`bei ${own} 0,137 mm`));
 });
+
+test('the help says what a code means in the language, without the places of a template', () => {
+  const better = { code: 'better-poses', kind: 'finding', what: '{poses} planned poses would leave U = {planned_mm:.2g} mm' };
+  assert.match(words.meaning(better).text, /^… geplante Posen .*U = … mm/);
+  assert.deepEqual(words.meaning({ code: 'of-a-newer-daemon', kind: 'error', what: 'Something with `holders` {n:g}.' }), { text: 'Something with `holders` ….', lang: 'en' });
+  assert.equal(words.meaning({ code: 'abort-held', kind: 'error', what: 'A PLC holds abort.' }).lang, undefined);
+});
