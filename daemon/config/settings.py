@@ -471,7 +471,7 @@ def read_settings(path: Path) -> tuple[dict[str, Any], SettingsFile]:
             content = read_bounded(file)
         except OSError as error:
             what = error.strerror or str(error)
-            raise DocumentError.one(str(file), "document", what, "give the path of a settings file") from None
+            raise DocumentError.one(str(file), "document", what, "give its path; 'handeyed init' writes one") from None
         whole.update(content if file == path else f"\n{file.name}\n".encode() + content)
         merge_tables(data, parse_toml(content, str(file)), given_by, str(file))
     return data, SettingsFile(str(path.resolve()), whole.hexdigest(), given_by)

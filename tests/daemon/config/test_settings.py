@@ -193,7 +193,7 @@ def test_a_mistake_is_reported_with_file_place_and_what_to_do(change: tuple[str,
 
 def test_a_missing_file_torn_toml_and_other_bytes_are_reported(tmp_path: Path) -> None:
     for name, content, says in (
-        ("none.toml", None, "No such file"),
+        ("none.toml", None, "No such file or directory: give its path; 'handeyed init' writes one"),
         ("torn.toml", b'[robot\naddress = "x"', "line 1"),
         ("bytes.toml", b"\xff\xfe", "UTF-8"),
     ):
