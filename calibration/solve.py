@@ -17,6 +17,7 @@ from calibration.preprocessing.prepare import PreparedSession, at_given_lens, pr
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
+from calibration.solver.effects import take_up_effects
 from calibration.solver.external_axis import AxisFit, find_axis, fit_axis, readings_of
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
 from calibration.solver.shared_errors import fit_trend, widen_by_given, widen_by_shared_errors
@@ -155,6 +156,8 @@ def estimate_session(problem: Problem) -> SessionEstimate:
     estimate = SessionEstimate(prepared, start, select_views(prepared, used, start.chain, start.variances, prepared.z))
     if estimate.prepared.shaped and problem.camera is None:
         estimate = _with_target_shape(estimate, problem.knowledge)
+    prepared, selection, more = take_up_effects(estimate.prepared, estimate.selection)
+    estimate = replace(estimate, prepared=prepared, selection=selection)
     trend = fit_trend(estimate.best)
     if trend is not None and trend.significant:
         best = estimate.best
@@ -162,7 +165,7 @@ def estimate_session(problem: Problem) -> SessionEstimate:
             estimate.prepared, estimate.selection.used, best.chain, trend.levels, best.z, trend=True
         )
         estimate = replace(estimate, selection=selection)
-    selection = widen_by_given(widen_by_shared_errors(estimate.prepared, estimate.selection, trend))
+    selection = widen_by_given(widen_by_shared_errors(estimate.prepared, estimate.selection, trend)).widened(more)
     prepared, scale, found = estimate.prepared, selection.best.scale, selection.best.seen(estimate.prepared.seen)
     found = replace(found, points_mm=found.points_mm / scale)
     return replace(estimate, prepared=replace(prepared, scale=scale, seen_as_found=found), selection=selection)

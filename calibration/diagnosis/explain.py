@@ -56,8 +56,10 @@ MIN_SURE_SHARE = 0.5
 FLIPPED = frozenset({"pictures-mirrored", "pictures-turned"})
 """Causes with which the principal point of some pictures, or of all, is elsewhere."""
 
-LENS_DEVIATIONS = frozenset({"focal-length-off", "principal-point-off", "distortion-off"})
-"""The solver's findings that the lens differs from the description."""
+LENS_DEVIATIONS = frozenset(
+    {"focal-length-off", "principal-point-off", "distortion-off", "lens-refocuses", "target-below-glass"}
+)
+"""The solver's findings that the lens, or what lies before the target, differs from the description."""
 
 SHAPE_DEVIATION = "target-not-as-drawn"
 

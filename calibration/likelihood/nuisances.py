@@ -4,7 +4,7 @@ None of them is exactly known, at any number of views. Their values z (q,) are d
 given camera log f, cx, cy [px], radial distortion and, where the description leaves it open or images show it, p1 and
 p2 [px at the picture's corner]; of an estimated one changes of its nine intrinsics, without a prior; then the log of
 the target's size, anisotropy, shear, three bows [mm at half its size], and where images show them six bends of its
-lines, of which keystones are made.
+lines, of which keystones are made; last those of `Observations.effects`, which differ from view to view.
 Shape and lens belong together: with a free lens and a rigid target, a bent or stretched print bends X. Images alone
 hardly show whether it is a keystone or a principal point, so shapes are estimated with X. What a point has for itself
 comes from images.
@@ -54,6 +54,7 @@ class Nuisances:
 
     `shapes` (k, 3, s): what one unit of each shape adds to them. `prior`: of the unknowns from `first_known` on.
     `shows_tangential`: tangential distortion is among them since images show it; a thin prism looks alike.
+    `effects`: what differs from view to view, by the codes of its findings.
     """
 
     camera: CameraModel
@@ -62,6 +63,7 @@ class Nuisances:
     estimated: bool
     prior: PriorMixture
     shows_tangential: bool = False
+    effects: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -93,6 +95,10 @@ class Nuisances:
         """With bends in the plane among the shapes."""
         bend_mm, shapes = BEND_SHARE * _half_size_mm(self.points_mm), target_shapes(self.points_mm)
         return replace(self, shapes=shapes, prior=with_shapes(self.prior, (shapes.shape[-1] - SHAPES) * (bend_mm,)))
+
+    def with_effect(self, code: str, sigma: float) -> "Nuisances":
+        """With an effect on the points that differs from view to view, after all others."""
+        return replace(self, effects=(*self.effects, code), prior=with_shapes(self.prior, (sigma,)))
 
     def with_points(self, found_mm: Array) -> tuple["Nuisances", Array]:
         """With bends, and of points found in images (k, 3) what no size and shape explains; those as z (q,).
@@ -127,7 +133,7 @@ class Nuisances:
     @property
     def shape(self) -> range:
         """Places among z of the target's shape."""
-        return range(self.size + 1, len(self))
+        return range(self.size + 1, len(self) - len(self.effects))
 
     def shape_mm(self, z: Array, nominal_mm: Array) -> tuple[float, float]:
         """RMS deviation of the points from the drawn ones (k, 3), in the plane (per coordinate) and out of it."""
@@ -140,7 +146,7 @@ class Nuisances:
         return self.estimated | np.isin(np.arange(INTRINSICS), [0, 1, 2, 3, *self._distortion])
 
     def __len__(self) -> int:
-        return self.size + 1 + int(self.shapes.shape[-1])
+        return self.size + 1 + int(self.shapes.shape[-1]) + len(self.effects)
 
     def camera_at(self, z: Array) -> CameraModel:
         """The camera with the deviations z (q,)."""
@@ -162,12 +168,13 @@ class Nuisances:
 
     def seen_at(self, seen: Observations, z: Array) -> Observations:
         """The observations with the target's points at the deviations z (q,)."""
-        return replace(seen, points_mm=self.points_at(z)[seen.ids])
+        return replace(seen, points_mm=self.points_at(z)[seen.ids] + seen.effects @ z[self.shape.stop :])
 
     def statistics(self, seen: Observations, camera_T_target: Array, z: Array) -> PixelStatistics:
         """Sums of [pose, z, residual] of every view at poses (n, 4, 4) and deviations z (q,)."""
         there, camera = self.seen_at(seen, z), self.camera_at(z)
-        modes = np.concatenate([there.points_mm[..., None], self.scale_at(z) * self.shapes[seen.ids]], axis=-1)
+        by_size, by_shape = there.points_mm[..., None], self.scale_at(z) * self.shapes[seen.ids]
+        modes = np.concatenate([by_size, by_shape, seen.effects], axis=-1)
         found = pixel_statistics(there, camera, camera_T_target, free_intrinsics=self.free, shape_modes=modes)
         if self.estimated:
             return found

@@ -138,7 +138,9 @@ def observe_whole_target(scene: Scene, base_T_flange: Array) -> Observations:
     points = np.broadcast_to(scene.target.points_mm, (n, m, 3))
     ids = np.broadcast_to(np.arange(m), (n, m))
     ones = np.ones((n, m))
-    return Observations(np.arange(n), base_T_flange, ids, points, np.zeros((n, m, 2)), ones, ones)
+    return Observations(
+        np.arange(n), base_T_flange, ids, points, np.zeros((n, m, 2)), ones, ones, np.zeros((n, m, 3, 0))
+    )
 
 
 def median_distance_mm(scene: Scene, base_T_flange: Array) -> float:

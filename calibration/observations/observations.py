@@ -42,6 +42,7 @@ class Observations:
     pixels : (n, m, 2).
     weights : (n, m), 0 where a corner is not used.
     present : (n, m), 1 where there is a corner, 0 in the padding.
+    effects : (n, m, 3, e) by which one unit of each of e effects moves the points, on the target; usually e = 0.
     """
 
     positions: NDArray[np.intp]
@@ -51,6 +52,7 @@ class Observations:
     pixels: Array
     weights: Array
     present: Array
+    effects: Array
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -227,5 +229,6 @@ def _pad(
     source = start[:, None] + np.where(present, column, 0)
     names, weights = ids[source], present.astype(float)
     return Observations(
-        positions, poses[positions], names, problem.target.points_mm[names], pixels[source], weights, weights.copy()
-    )
+        positions, poses[positions], names, problem.target.points_mm[names], pixels[source], weights, weights.copy(),
+        np.zeros((n, m, 3, 0)),
+    )  # fmt: skip

@@ -17,6 +17,7 @@ from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Severity
 from calibration.solver.closed_form import THREE_POSE
+from calibration.solver.effects import KINDS
 from calibration.solver.initial_guess import InitialGuess
 from calibration.solver.view_outliers import Selection
 
@@ -32,6 +33,7 @@ def solver_findings(
         *_images(problem, prepared),
         *_target(prepared, selection),
         *_camera(prepared, selection),
+        *_effects(prepared, selection),
         *_statements(problem, selection),
         *_trend(selection),
         *_axis_offset(problem, prepared),
@@ -108,6 +110,14 @@ def _camera(prepared: PreparedSession, selection: Selection) -> Iterator[Finding
     for places, severity, what, fix in parts:
         if best.differs(places):
             yield Finding(what.id, severity, what, Sentence(fix), effect_mm=_effect_mm(prepared, best, places))
+
+
+def _effects(prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:
+    best, fixes = selection.best, {kind.code: kind.fix for kind in KINDS}
+    first = len(best.z) - len(prepared.nuisances.effects)
+    for place, code in enumerate(prepared.nuisances.effects, start=first):
+        what, effect_mm = Sentence(code, mm=float(best.z[place])), _effect_mm(prepared, best, [place])
+        yield Finding(code, "warning", what, Sentence(fixes[code]), effect_mm=effect_mm)
 
 
 def _statements(problem: Problem, selection: Selection) -> Iterator[Finding]:

@@ -83,7 +83,7 @@ def widen_by_shared_errors(prepared: PreparedSession, selection: Selection, tren
     rows = prepared.take(selection.used)
     distance_mm = float(np.median(np.linalg.norm(rows.camera_T_target[:, :3, 3], axis=1)))
     more[:6, :6] += variance_by_shared_corners(shared_corner_sigma_px(rows, best), best.camera, distance_mm)
-    return _widened(selection, more)
+    return selection.widened(more)
 
 
 def widen_by_given(selection: Selection) -> Selection:
@@ -91,14 +91,7 @@ def widen_by_given(selection: Selection) -> Selection:
     chain = selection.best.chain
     if chain.given is None:
         return selection
-    return _widened(selection, chain.given.covariance(chain.mount_T_camera, chain.anchor_T_target))
-
-
-def _widened(selection: Selection, more: Array) -> Selection:
-    """The selection with `more` (12, 12) added to the covariance of X and the target's pose."""
-    covariance = selection.best.step.covariance.copy()
-    covariance[:12, :12] += more
-    return replace(selection, best=replace(selection.best, step=replace(selection.best.step, covariance=covariance)))
+    return selection.widened(chain.given.covariance(chain.mount_T_camera, chain.anchor_T_target))
 
 
 def _variance_by_trend(best: Estimate, prepared: PreparedSession, trend: Trend) -> Array:

@@ -1,6 +1,6 @@
 """Rejection of views whose robot pose disagrees with their image and all other views."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,12 @@ class Selection:
 
     used: NDArray[np.bool_]
     best: Estimate
+
+    def widened(self, more: Array) -> "Selection":
+        """The same with `more` (12, 12) added to the covariance of X and the target's pose."""
+        covariance = self.best.step.covariance.copy()
+        covariance[:12, :12] += more
+        return replace(self, best=replace(self.best, step=replace(self.best.step, covariance=covariance)))
 
 
 def agreeing_rows(prepared: PreparedSession) -> NDArray[np.bool_]:

@@ -40,6 +40,8 @@ class Wrong:
     tangential_px : at CORNER_PX on the diagonal, where it is largest, of a lens described as RADIAL.
     rectified : the lens has no radial distortion, and is described without any.
     keystone : by how much the print's upper edge is longer than its lower one.
+    autofocus_mm : focal length of a lens that focuses by itself; as described at 600 mm.
+    glass_mm : thickness of a plate of glass on the print.
     """
 
     size: float = 1.0
@@ -53,6 +55,8 @@ class Wrong:
     tangential_px: float = 0.0
     rectified: bool = False
     keystone: float = 0.0
+    autofocus_mm: float = 0.0
+    glass_mm: float = 0.0
 
 
 FAULTS = {
@@ -68,6 +72,8 @@ FAULTS = {
     **{f"tangential {off} px": Wrong(tangential_px=off) for off in (0.1, 0.5, 1.5)},
     "tangential, rectified": Wrong(tangential_px=1.5, rectified=True),
     "keystone 0.5 %": Wrong(keystone=5e-3),
+    "autofocus": Wrong(autofocus_mm=8.0),
+    "glass 5 mm": Wrong(glass_mm=5.0),
     "stretch with bow": Wrong(stretch=1e-3, bow_mm=0.2),
     "together": Wrong(0.992, 1.004, 1.001, 8.0, 0.3, 1e-3, 5e-4, 0.2),
 }
@@ -87,7 +93,6 @@ def wrong_session(
     """A session of `views` views in front of a board of 11 x 8 corners, 20 mm apart."""
     X, _, base_T_flange, camera_T_target = _cell(rng, views, setup, poses)
     corners = true_corners(wrong)
-    camera = true_camera(wrong)
     # The arm stands elsewhere than it reports, by its noise.
     errors = np.concatenate(
         [
@@ -100,7 +105,9 @@ def wrong_session(
     reported[:, :3, 3] *= wrong.arm
     seen = []
     for index, (pose, at) in enumerate(zip(reported, camera_T_target, strict=True)):
-        pixels = camera.project(map_points(at, corners))
+        pixels = true_camera(wrong, float(map_points(at, corners)[:, 2].mean())).project(
+            through_glass(wrong, at, corners)
+        )
         pixels = pixels + noise.image_px * rng.standard_normal(pixels.shape)
         seen.append(View(index, Stance(pose), Detection(np.arange(len(pixels)), pixels)))
     in_arm = X.copy()
@@ -135,10 +142,24 @@ def true_corners(wrong: Wrong) -> Array:
     return np.asarray(middle + wrong.size * np.column_stack([along, across, z + wrong.bow_mm * (x / 100) ** 2]))
 
 
-def true_camera(wrong: Wrong) -> CameraModel:
-    """The camera as it is."""
+def through_glass(wrong: Wrong, camera_T_target: Array, corners: Array) -> Array:
+    """Points (n, 3) of the camera on whose lines of sight the corners appear, by Snell's law at the plate's surface."""
+    if not wrong.glass_mm:
+        return map_points(camera_T_target, corners)
+    camera, seen = inverse(camera_T_target)[:3, 3], corners.copy()
+    for _ in range(8):  # the line of sight, as it enters the glass, goes on to `seen` on the print
+        along = seen - camera
+        sine = np.linalg.norm(along[:, :2], axis=1) / np.linalg.norm(along, axis=1)
+        outside, inside = np.tan(np.arcsin(sine)), np.tan(np.arcsin(sine / 1.5))
+        away = along[:, :2] / np.maximum(np.linalg.norm(along[:, :2], axis=1, keepdims=True), 1e-9)
+        seen[:, :2] = corners[:, :2] + wrong.glass_mm * (outside - inside)[:, None] * away
+    return map_points(camera_T_target, seen)
+
+
+def true_camera(wrong: Wrong, distance_mm: float) -> CameraModel:
+    """The camera as it is, before a target at that distance."""
     matrix, distortion = CAMERA.matrix.copy(), CAMERA.distortion.copy()
-    matrix[[0, 1], [0, 1]] *= wrong.focal
+    matrix[[0, 1], [0, 1]] *= wrong.focal * (1 + wrong.autofocus_mm / distance_mm) / (1 + wrong.autofocus_mm / 600)
     matrix[:2, 2] += wrong.centre_px * np.sqrt(0.5)
     distortion[0] = wrong.radial_px * matrix[0, 0] ** 2 / CORNER_PX**3
     if wrong.tangential_px:

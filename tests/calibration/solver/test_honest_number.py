@@ -66,6 +66,8 @@ def test_a_lens_half_or_twice_as_long_as_stated_is_found(focal: float, views: in
         ("bow 1.0 mm", "target-not-as-drawn"),
         ("keystone 0.5 %", "target-not-as-drawn"),
         ("tangential, rectified", "distortion-off"),
+        ("autofocus", "lens-refocuses"),
+        ("glass 5 mm", "target-below-glass"),
     ],
 )
 def test_the_cause_is_named_with_its_effect(fault: str, code: str) -> None:
