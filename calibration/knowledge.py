@@ -175,12 +175,12 @@ def prior_mixture(knowledge: Knowledge, bow_mm: float, distortion: tuple[float, 
     return PriorMixture(np.array(log_weights), np.array(information), np.array(arm_share), usual, len(usual_lens))
 
 
-def with_shapes(prior: PriorMixture, sigmas: tuple[float, ...]) -> PriorMixture:
-    """The prior with more unknowns, each with one standard deviation in all components."""
-    precisions = 1 / np.square(sigmas)
-    every = np.tile(precisions, (len(prior.information), 1))
-    information, usual = np.hstack([prior.information, every]), np.append(prior.usual, precisions)
-    return replace(prior, information=information, usual=usual)
+def with_unknowns(prior: PriorMixture, place: int, sigmas: tuple[float, ...]) -> PriorMixture:
+    """The prior with more unknowns from `place` on, each with one standard deviation in all components."""
+    at, precisions = [place] * len(sigmas), 1 / np.square(sigmas)
+    information, usual = (np.insert(one, at, precisions, axis=-1) for one in (prior.information, prior.usual))
+    size = prior.size + len(sigmas) if place <= prior.size else prior.size
+    return replace(prior, information=information, usual=usual, size=size)
 
 
 def _precisions(lens: tuple[float, ...], size: float, plane: float, bow_mm: float) -> Array:

@@ -25,15 +25,15 @@ from calibration.knowledge import (
     Knowledge,
     PriorMixture,
     prior_mixture,
-    with_shapes,
+    with_unknowns,
 )
 from calibration.likelihood.mapped_points import point_rows
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import INTRINSICS, PixelStatistics, pixel_statistics, with_intrinsics
 from calibration.transforms import Array
 
-FOCAL, CENTRE = (0,), (1, 2)
-"""Places among z of a given camera's focal length and principal point."""
+FOCAL, CENTRE, TANGENTIAL = (0,), (1, 2), (4, 5)
+"""Places among z of a given camera's focal length, principal point and, where they are unknown, p1 and p2."""
 
 DISTORTION = (4, 6, 7)
 """Places of k1, p1 and p2 among fx fy cx cy k1 k2 p1 p2 k3."""
@@ -53,7 +53,7 @@ class Nuisances:
     """`camera` as given or first estimated; `points_mm` (k, 3) the target's points with neither size nor shape.
 
     `shapes` (k, 3, s): what one unit of each shape adds to them. `prior`: of the unknowns from `first_known` on.
-    `shows_tangential`: tangential distortion is among them since images show it; a thin prism looks alike.
+    `shows_tangential`: tangential distortion is among them since it shows; a thin prism looks alike.
     `effects`: what differs from view to view, by the codes of its findings.
     """
 
@@ -73,32 +73,42 @@ class Nuisances:
         knowledge: Knowledge,
         *,
         estimated: bool,
-        shows_tangential: bool = False,
     ) -> "Nuisances":
         """Those of a session with a given camera, or with one that is estimated from its images.
 
         Tangential distortion is unknown where the description has radial distortion alone, or is nominal. Where it has
         both, they were estimated with the principal point, and the errors make up for one another; where it has none,
-        pictures are rectified: in these it is unknown only where images show it (`shows_tangential`).
+        pictures are rectified. There it is unknown only where it shows (`with_tangential`).
         """
         focal, half = np.diagonal(camera.matrix)[:2], np.array(camera.image_size) / 2
         off_px = focal * np.array(camera.lens.distort(*(half / focal)[:, None]))[:, 0] - half
         distorted = np.linalg.norm(off_px) > MIN_DISTORTION_PX or knowledge.camera == "nominal"
         unsaid = camera.lens_model == "pinhole" and distorted and not np.any(camera.distortion[2:4])
-        tangential = OTHER_LENS_PX[1:] if shows_tangential else 2 * (TANGENTIAL_PX[knowledge.camera],) if unsaid else ()
+        tangential = 2 * (TANGENTIAL_PX[knowledge.camera],) if unsaid else ()
         distortion = () if estimated else (LENS_PX[knowledge.camera], *tangential)
         bow_mm = BOW_SHARE * _half_size_mm(nominal_mm)
         prior = prior_mixture(knowledge, bow_mm, distortion)
-        return cls(camera, nominal_mm, target_shapes(nominal_mm)[..., :SHAPES], estimated, prior, shows_tangential)
+        return cls(camera, nominal_mm, target_shapes(nominal_mm)[..., :SHAPES], estimated, prior)
+
+    @property
+    def knows_tangential(self) -> bool:
+        """Whether p1 and p2 of a given camera count as known."""
+        return not self.estimated and self.camera.lens_model == "pinhole" and len(self.distortion) == 1
+
+    def with_tangential(self) -> "Nuisances":
+        """With p1 and p2 as of another lens, after k1."""
+        return replace(self, shows_tangential=True, prior=with_unknowns(self.prior, TANGENTIAL[0], OTHER_LENS_PX[1:]))
 
     def with_bends(self) -> "Nuisances":
         """With bends in the plane among the shapes."""
         bend_mm, shapes = BEND_SHARE * _half_size_mm(self.points_mm), target_shapes(self.points_mm)
-        return replace(self, shapes=shapes, prior=with_shapes(self.prior, (shapes.shape[-1] - SHAPES) * (bend_mm,)))
+        prior = with_unknowns(self.prior, len(self.prior.usual), (shapes.shape[-1] - SHAPES) * (bend_mm,))
+        return replace(self, shapes=shapes, prior=prior)
 
     def with_effect(self, code: str, sigma: float) -> "Nuisances":
         """With an effect on the points that differs from view to view, after all others."""
-        return replace(self, effects=(*self.effects, code), prior=with_shapes(self.prior, (sigma,)))
+        prior = with_unknowns(self.prior, len(self.prior.usual), (sigma,))
+        return replace(self, effects=(*self.effects, code), prior=prior)
 
     def with_points(self, found_mm: Array) -> tuple["Nuisances", Array]:
         """With bends, and of points found in images (k, 3) what no size and shape explains; those as z (q,).

@@ -160,15 +160,13 @@ def prepare(problem: Problem) -> PreparedSession:
     anchor_T_mount = anchor_T_mount_of(problem.setup, seen.base_T_flange)
     read = resolve_pose_ambiguity(seen, anchor_T_mount, candidates, errors[kept], problem.target.points_mm)
     shapes, unknown = target_shapes(problem.target.points_mm), nuisances.free
-    unsaid = not estimated and camera.lens_model == "pinhole" and len(nuisances.distortion) == 1
+    unsaid = nuisances.knows_tangential
     is_far = not estimated and abs(focal_step(read.seen, camera, read.camera_T_target)) >= FAR
     shown = Shown()
     if not is_far:  # else they are those of the lens that `prepare_at_seen_lens` finds
         shown = find_deviations(read.seen, camera, read.camera_T_target, unknown, shapes, SHAPES, tangential=unsaid)
     if shown.tangential:
-        nuisances = Nuisances.of(
-            camera, problem.target.points_mm, problem.knowledge, estimated=False, shows_tangential=True
-        )
+        nuisances = nuisances.with_tangential()
     if shown.bends:
         nuisances = nuisances.with_bends()
     drawn = PreparedSession(

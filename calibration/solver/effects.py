@@ -1,12 +1,12 @@
-"""Rare effects that differ from view to view: a lens that refocuses, and glass before the target.
+"""Rare effects: tangential distortion that is not described, autofocus, and glass before the target.
 
-To first order each looks like a size of the target and another place of the camera or of the target, so that pictures
-alone seldom show it, and robot and pictures together do. One is adopted where it is likelier than not, and widens the
+To first order each looks like a size of the target, or another place or direction of the camera, so that pictures alone
+seldom show it, and robot and pictures together do. One is taken up where it is likelier than not, and widens the
 uncertainty by its probability where it is not.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,10 +14,18 @@ from calibration.camera import CameraModel
 from calibration.likelihood.estimate import exact_pixels, linearise
 from calibration.likelihood.mixed_model import MixedModel, Variances, solve
 from calibration.likelihood.noise_marginalisation import Marginal, marginalise
+from calibration.likelihood.nuisances import TANGENTIAL
 from calibration.likelihood.variance_components import estimate_variances
+from calibration.linear_algebra import squared_distances
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.solver.view_outliers import Selection, select_views
 from calibration.transforms import Array, inverse, map_points
+
+PROBABILITY = 0.05
+"""Prior probability of each."""
+
+MIN_TELLING_VIEWS = 12
+"""From here on pictures alone tell of tangential distortion (`find_deviations`); errors of the arm may look like it."""
 
 MIN_SIGMAS = 1.5
 """Least size of an effect in its standard deviations; of a smaller one the evidence is not asked."""
@@ -51,32 +59,37 @@ def glass(camera: CameraModel, camera_T_target: Array, points_mm: Array) -> Arra
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of effect by the `code` and `fix` of its finding: its prior `probability`, and its size if it is there."""
+    """A kind of effect by the `code` and `fix` of its finding, and its size if it is there."""
 
     code: str
     fix: str
-    probability: float
     sigma_mm: float
     moved: Callable[[CameraModel, Array, Array], Array]
     """By a camera, poses camera_T_target (n, 4, 4) and points (n, m, 3): their displacements, on the target."""
 
 
 KINDS = (
-    Kind("lens-refocuses", "switch-autofocus-off", 0.05, 20.0, refocusing),
-    Kind("target-below-glass", "uncover-target", 0.05, 5.0, glass),
+    Kind("lens-refocuses", "switch-autofocus-off", 20.0, refocusing),
+    Kind("target-below-glass", "uncover-target", 5.0, glass),
 )
 
 
 @dataclass(frozen=True, eq=False)
-class Effect:
-    """What a session says of an effect: its `probability`, and `prepared` with it as the last unknown.
+class Alternative:
+    """A session with more unknowns, of which z from `place` on are `more`; its `probability`.
 
-    `more` (12, 12): what it adds to the covariance of X and the target's pose where it is not adopted.
+    `wider` (12, 12): what it adds to the covariance of X and the target's pose where it is not taken up.
     """
 
     prepared: PreparedSession
+    place: int
+    more: int
     probability: float
-    more: Array
+    wider: Array = field(default_factory=lambda: np.zeros((12, 12)))
+
+    def start(self, z: Array) -> Array:
+        """Where its unknowns start from those without them."""
+        return np.insert(z, [self.place] * self.more, 0.0)
 
 
 def take_up_effects(prepared: PreparedSession, selection: Selection) -> tuple[PreparedSession, Selection, Array]:
@@ -84,15 +97,33 @@ def take_up_effects(prepared: PreparedSession, selection: Selection) -> tuple[Pr
 
     And what the others add to the covariance (12, 12) of X and the target's pose, by their probability.
     """
-    while (found := _find_effects(prepared, selection)) and found[0].probability > 0.5:
-        best, prepared = selection.best, found[0].prepared
-        selection = select_views(prepared, selection.used, best.chain, best.variances, np.append(best.z, 0.0))
-    return prepared, selection, np.sum([effect.more for effect in found], axis=0, initial=0.0)
+    while (found := _weigh(prepared, selection)) and found[0].probability > 0.5:
+        best, first = selection.best, found[0]
+        prepared = replace(first.prepared, z=first.start(prepared.z))
+        selection = select_views(prepared, selection.used, best.chain, best.variances, first.start(best.z))
+    return prepared, selection, sum((one.wider for one in found), np.zeros((12, 12)))
 
 
-def _find_effects(prepared: PreparedSession, selection: Selection) -> list[Effect]:
-    """Those that are not among the unknowns and of which the views say more than a little, the likeliest first."""
-    best, used, found = selection.best, selection.used, list[Effect]()
+def _alternatives(prepared: PreparedSession, camera: CameraModel) -> Iterator[Alternative]:
+    """Those with one effect more, by their prior probability."""
+    nuisances, seen = prepared.nuisances, prepared.seen
+    if nuisances.knows_tangential and len(seen) < MIN_TELLING_VIEWS:
+        session = replace(prepared, nuisances=nuisances.with_tangential())
+        yield Alternative(session, TANGENTIAL[0], len(TANGENTIAL), PROBABILITY)
+    for kind in KINDS:
+        if kind.code not in nuisances.effects:
+            moved = kind.moved(camera, prepared.camera_T_target, seen.points_mm)[..., None]
+            session = replace(
+                prepared,
+                nuisances=nuisances.with_effect(kind.code, kind.sigma_mm),
+                seen=replace(seen, effects=np.concatenate([seen.effects, moved], axis=-1)),
+            )
+            yield Alternative(session, len(nuisances), 1, PROBABILITY)
+
+
+def _weigh(prepared: PreparedSession, selection: Selection) -> list[Alternative]:
+    """Those of which the selection's views say more than a little, the likeliest first."""
+    best, used, found = selection.best, selection.used, list[Alternative]()
     fixed: Marginal | None = None
 
     def model_of(session: PreparedSession, z: Array) -> tuple[MixedModel, Variances]:
@@ -100,26 +131,17 @@ def _find_effects(prepared: PreparedSession, selection: Selection) -> list[Effec
         model = linearise(pixels, best.chain, session.nuisances, z)
         return model, estimate_variances(model, best.variances)
 
-    for kind in KINDS:
-        if kind.code in prepared.nuisances.effects:
-            continue
-        moved = kind.moved(best.camera, prepared.camera_T_target, prepared.seen.points_mm)[..., None]
-        session = replace(
-            prepared,
-            nuisances=prepared.nuisances.with_effect(kind.code, kind.sigma_mm),
-            seen=replace(prepared.seen, effects=np.concatenate([prepared.seen.effects, moved], axis=-1)),
-        )
-        model = model_of(session, np.append(best.z, 0.0))
-        step, at = solve(*model), 12 + len(best.z)
-        if step.b[at] < MIN_SIGMAS * np.sqrt(step.covariance[at, at]):
-            continue
-        fixed, moving = (
-            fixed or marginalise(*model_of(prepared, best.z), prepared.belief),
-            marginalise(*model, prepared.belief),
-        )
-        odds = np.log(kind.probability / (1 - kind.probability)) + moving.log_evidence - fixed.log_evidence
+    for one in _alternatives(prepared, best.camera):
+        model = model_of(one.prepared, one.start(best.z))
+        step, at = solve(*model), 12 + one.place + np.arange(one.more)
+        size, covariance = step.b[at], step.covariance[np.ix_(at, at)]
+        if squared_distances(size, covariance) < one.more * MIN_SIGMAS**2 or (one.more == 1 and size[0] < 0):
+            continue  # glass does not lift what is below it, and no autofocus lengthens f with the distance
+        fixed = fixed or marginalise(*model_of(prepared, best.z), prepared.belief)
+        moving = marginalise(*model, prepared.belief)
+        odds = np.log(one.probability / (1 - one.probability)) + moving.log_evidence - fixed.log_evidence
         probability = float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))
         shift = moving.b[:12] - fixed.b[:12]
         wider = moving.covariance[:12, :12] - fixed.covariance[:12, :12] + np.outer(shift, shift)
-        found.append(Effect(session, probability, probability * wider))
-    return sorted(found, key=lambda effect: -effect.probability)
+        found.append(replace(one, probability=probability, wider=probability * wider))
+    return sorted(found, key=lambda one: -one.probability)
