@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from calibration.camera import CameraModel
+from calibration.preprocessing.prepare import prepare
 from calibration.problem import Setup
-from calibration.solve import estimate_hand_eye
+from calibration.solve import estimate_hand_eye, estimate_session
 from calibration.solver.effects import KINDS, glass, refocusing
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from tests.simulated.described_wrongly import CAMERA, FAULTS, HIGH, LOW, Wrong, through_glass, wrong_session
@@ -48,6 +49,13 @@ def test_points_below_glass_rise_as_snell_s_law_has_it() -> None:
         seen = CAMERA.project(map_points(pose, GRID_MM + 3.0 * rise))
         expected = CAMERA.project(through_glass(Wrong(glass_mm=3.0), pose, GRID_MM))
         assert np.abs(seen - expected).max() < 0.05
+
+
+def test_robot_and_pictures_show_tangential_distortion_that_three_pictures_alone_do_not() -> None:
+    rng = np.random.default_rng(6)
+    problem = wrong_session(rng, 3, FAULTS["tangential, rectified"], HIGH, "eye-in-hand", "random").problem
+    assert not prepare(problem).nuisances.shows_tangential
+    assert estimate_session(problem).prepared.nuisances.shows_tangential
 
 
 @pytest.mark.parametrize("setup", SETUPS)
