@@ -205,8 +205,7 @@ def _score(options: argparse.Namespace) -> int:
 
 
 def _faults(options: argparse.Namespace) -> int:
-    from mock_robot.faults.device_faults import DEVICE_FAULTS
-    from mock_robot.faults.robot_faults import FAULTS
+    from mock_robot.faults.tables import DEVICE_FAULTS, FAULTS
 
     rows = [(fault.name, fault.area, fault.summary) for fault in (*FAULTS.values(), *DEVICE_FAULTS.values())]
     if options.json:

@@ -18,17 +18,16 @@ from calibration.kinematics.arm import Arm
 from calibration.kinematics.load import Load
 from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.transforms import Array
-from mock_robot.arm.scara import ScaraArm
+from mock_robot.arm.built_arm import ScaraArm
 from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.cabinet.cabinet import MotionBox
 from mock_robot.control_port import ControlPort
 from mock_robot.devices.egm import EgmSender
 from mock_robot.devices.http_server import HttpServer
 from mock_robot.errors import MockError
-from mock_robot.faults.device_faults import DEVICE_FAULTS
+from mock_robot.faults.tables import DEVICE_FAULTS
 from mock_robot.links.cb_program import CAMERA_LOAD
 from mock_robot.links.wires import PythonWires, RapidWires, Wires
-from mock_robot.rapid.controller import DEPLOYED
 from mock_robot.rws.station import RwsStation, RwsUrls
 from mock_robot.truth.start_posture import start_joints
 from mock_robot.truth.truth import CellTruth
@@ -87,11 +86,6 @@ RobotProgram = Literal["rapid", "python"]
 """Robot program behind the link: the shipped RAPID in the interpreter, or a fast equivalent in Python."""
 
 _WIRES: dict[RobotProgram, type[PythonWires] | type[RapidWires]] = {"rapid": RapidWires, "python": PythonWires}
-
-
-def default_program() -> RobotProgram:
-    """ "rapid" where its files are installed, otherwise "python"."""
-    return "rapid" if DEPLOYED.is_dir() else "python"
 
 
 @dataclass(frozen=True)

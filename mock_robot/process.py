@@ -8,7 +8,8 @@ import sys
 import threading
 from contextlib import suppress
 
-from mock_robot.cell import MockCell, Ports, default_program
+from mock_robot.cell import MockCell, Ports
+from mock_robot.rapid.controller import DEPLOYED
 from mock_robot.rws.world import World
 from mock_robot.truth.truth import CellTruth
 
@@ -18,7 +19,7 @@ async def run_cell(options: argparse.Namespace, truth: CellTruth) -> int:
     cell = MockCell(
         truth,
         time_scale=options.time_scale,
-        program=options.controller or default_program(),
+        program=options.controller or ("rapid" if DEPLOYED.is_dir() else "python"),
         home=options.home,
     )
     equip(cell.rws.world, options)

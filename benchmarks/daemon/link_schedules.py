@@ -23,7 +23,7 @@ from drivers.robots.abb.cb_robot import CbRobot
 from drivers.transports.tcp import TcpTransport
 from drivers.transports.transport import Connection
 from mock_robot.cell import MockCell, Ports
-from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.faults.tables import FAULTS
 from mock_robot.rapid.controller import RapidController
 from mock_robot.truth.truth import CellTruth
 

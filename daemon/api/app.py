@@ -19,8 +19,8 @@ from daemon.api.middleware.authentication import Authentication
 from daemon.api.middleware.disconnects import Disconnects
 from daemon.api.middleware.idempotency import Idempotency
 from daemon.api.middleware.request_checks import RequestChecks
-from daemon.api.robot_documents import RobotDocuments
 from daemon.api.route_table import routers
+from daemon.api.routes.cell import RobotDocuments
 from daemon.application import Application
 from daemon.errors import DaemonError
 from daemon.page import PageFiles

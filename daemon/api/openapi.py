@@ -14,8 +14,7 @@ from starlette.routing import BaseRoute
 from calibration.errors import DocumentProblem
 from daemon import errors
 from daemon.access import errors as access
-from daemon.access.policy import role_for
-from daemon.access.roles import Role
+from daemon.access.roles import Role, role_for
 from daemon.api import http_errors
 from daemon.api.dependencies import JsonBody
 from daemon.api.middleware.idempotency import KEY_PATTERN, MAX_KEY_LENGTH, NOT_STORED

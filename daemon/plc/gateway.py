@@ -26,8 +26,7 @@ from drivers.errors import DeviceError
 from protocols.counter import MAX_COUNT
 from protocols.modbus.words import Words
 from protocols.plc.bank import PlcBank
-from protocols.plc.codes import ControlBit, DriftState, PlcCommand, PlcVerdict
-from protocols.plc.error_codes import UNKNOWN, number_of
+from protocols.plc.codes import UNKNOWN, ControlBit, DriftState, PlcCommand, PlcVerdict, number_of
 from protocols.plc.events import (
     AbortRun,
     CellStatus,

@@ -1,7 +1,9 @@
 """A report's page from its template: one file, its style inside, nothing run or fetched. Values are escaped."""
 
+import json
 import math
 from base64 import b64encode
+from dataclasses import replace
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -10,12 +12,32 @@ from typing import TYPE_CHECKING, Any
 from calibration.documents.calibration import SentenceDocument
 from calibration.documents.numbers import number, significant
 from calibration.documents.target import TargetDocument, described
-from calibration.sentences.sentence import Language, LanguageTag, Sentence, text_of
+from calibration.sentences.sentence import Language, LanguageTag, Sentence, sentences_in, text_of
 from daemon.reports.context import Picture, ReportContext
-from daemon.reports.languages import language_of, said
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+WORDS = Path(__file__).parent / "words"
+
+
+@cache
+def language_of(tag: LanguageTag) -> Language:
+    """The words of reports and the daemon's sentences; read once."""
+    words: dict[str, str] = json.loads((WORDS / f"{tag}.json").read_text(encoding="utf-8"))
+    sentences = sentences_in(tag)
+    return replace(sentences, templates={**sentences.templates, **words})
+
+
+def said(language: Language, message: str, sentence: SentenceDocument | Sentence) -> str:
+    """A stored sentence in that language; `message`, its English text, where the language has none for it."""
+    if language.tag == "en":
+        return message
+    try:
+        return text_of(sentence.id, sentence.params, language)
+    except (LookupError, ValueError, TypeError):  # of another version: its id is gone, or its parameters are others
+        return message
+
 
 TEMPLATES = Path(__file__).parent / "templates"
 PICTURES = ("data:image/jpeg;base64,", "data:image/png;base64,")

@@ -27,8 +27,7 @@ from calibration.sentences.sentence import as_sentence, text_of
 from calibration.transforms import Array
 from daemon.reports.charts import Bar, Chart, ChartPoint, bar_chart, bubble_map, control_chart, limit_scale
 from daemon.reports.context import DeviationMap, Picture, ReportContext
-from daemon.reports.languages import language_of
-from daemon.reports.pages import render
+from daemon.reports.pages import language_of, render
 
 if TYPE_CHECKING:  # the daemon's modules are on Linux only; `handeyed report` is not
     from daemon.drift.chart import DriftChart

@@ -23,9 +23,8 @@ from calibration.problem import Detection, MeasuredPoints, MeasuredPose, Measure
 from calibration.sentences.sentence import with_fix
 from calibration.targets import Target
 from daemon.runtime.bounded_read import read_document
-from daemon.sessions.other_target import explain_missing
 from daemon.sessions.session_files import SESSION_FILE, TAKE_AGAIN, ImageError, read_grey
-from daemon.sessions.view_detection import detect_in_file
+from daemon.sessions.view_detection import detect_in_file, explain_missing
 from drivers.cameras.pixel_depth import to_8_bit
 from registration.io.organised import read_organised
 

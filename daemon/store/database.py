@@ -15,7 +15,10 @@ from calibration.sentences.sentence import Sentence
 from daemon.errors import StorageError, StorageFull, StorageInconsistent, StorageTooNew
 from daemon.runtime.durable_files import make_folder, rename_durably
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
-from daemon.store.schema import MIGRATIONS, SCHEMA_VERSION
+
+MIGRATIONS = tuple(file.read_text("utf-8") for file in sorted(Path(__file__).with_name("migrations").glob("*.sql")))
+"""The schema, in their order. Append one, never change one that was released."""
+SCHEMA_VERSION = len(MIGRATIONS)
 
 Answer = TypeVar("Answer")
 
@@ -50,7 +53,8 @@ class Database:
     """The connection and its thread. A write returns once its commit is on the disk.
 
     `guard` is called before and after each write, in the thread, and raises StorageInconsistent when nothing must be
-    written: what is acknowledged was written to the store that is at `path`.
+    written: what is acknowledged was written to the store that is at `path`. `commit_callbacks` are called after each
+    transaction, in the event loop.
     """
 
     def __init__(
@@ -62,7 +66,7 @@ class Database:
         """
         self.path, self._at = path, at
         self.guard: Callable[[], None] = lambda: None
-        self._commit_callbacks: list[Callable[[], None]] = []
+        self.commit_callbacks: list[Callable[[], None]] = []
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="store")
         try:
             connect = _connect_read_only if read_only else partial(_connect, migrate=migrate)
@@ -78,13 +82,9 @@ class Database:
     async def write(self, change: Callable[[sqlite3.Connection], Answer]) -> Answer:
         """Run `change` as one transaction; returns its result. Raises StorageError."""
         answer = await self._in_thread(lambda: self._transaction(change))
-        for callback in self._commit_callbacks:
+        for callback in self.commit_callbacks:
             callback()
         return answer
-
-    def on_commit(self, callback: Callable[[], None]) -> None:
-        """Call `callback` after each transaction, in the event loop."""
-        self._commit_callbacks.append(callback)
 
     async def run(self, work: Callable[[], Answer], place: Path) -> Answer:
         """Run blocking reading of files in the connection's thread."""
@@ -183,20 +183,16 @@ def _prepare(connection: sqlite3.Connection, path: Path, migrate: bool) -> None:
             "restart the daemon, so that both are of one version",
         )
     if 0 < version < SCHEMA_VERSION:
-        _keep_a_copy(connection, path.with_name(f"{path.name}.schema-{version}.backup"))
+        copy = path.with_name(f"{path.name}.schema-{version}.backup")  # for a return to the older version
+        part = copy.with_name(f".{copy.name}.part")
+        part.unlink(missing_ok=True)
+        copy_database(connection, part)
+        rename_durably(part, copy)
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")
     connection.execute("PRAGMA foreign_keys = ON")
     for number, migration in enumerate(MIGRATIONS[version:], start=version + 1):
         connection.executescript(f"BEGIN IMMEDIATE; {migration} PRAGMA user_version = {number}; COMMIT;")
-
-
-def _keep_a_copy(connection: sqlite3.Connection, copy: Path) -> None:
-    """Copy the database before a migration, for a return to the older version."""
-    part = copy.with_name(f".{copy.name}.part")
-    part.unlink(missing_ok=True)
-    copy_database(connection, part)
-    rename_durably(part, copy)
 
 
 def copy_database(connection: sqlite3.Connection, copy: Path) -> None:

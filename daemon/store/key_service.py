@@ -7,8 +7,8 @@ from datetime import UTC
 from daemon.access.browser_sessions import timestamp_of
 from daemon.access.errors import SetupRefused
 from daemon.access.keys import KeyRecord, RandomHex, new_key
+from daemon.access.pairing import SetupCode
 from daemon.access.roles import Role
-from daemon.access.setup_code import SetupCode
 from daemon.runtime.clock import Clock
 from daemon.store.access_keys import AccessKeys
 from daemon.store.actor import AuditContext

@@ -35,7 +35,7 @@ class Outbox:
     def __init__(self, database: Database) -> None:
         self._database = database
         self.changed = asyncio.Event()
-        database.on_commit(self._wake_waiters)
+        database.commit_callbacks.append(self._wake_waiters)
 
     def _wake_waiters(self) -> None:
         changed, self.changed = self.changed, asyncio.Event()

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from calibration.kinematics.arm import Arm
+from calibration.kinematics.arm import SINGULAR_EXACT, Arm, UnreachablePoseError
 from calibration.kinematics.arm_errors import ArmErrorModel, Group, Postures
 from calibration.transforms import Array
 
@@ -58,3 +59,21 @@ def build_arm(drawing: Arm, arm_class: ArmClass, seed: int) -> BuiltArm:
     draw = np.random.default_rng([seed, 19]).standard_normal(len(model))
     shares = np.array([_SHARES[arm_class].get(parameter.group, 0.0) for parameter in model.parameters])
     return BuiltArm(model, shares * (model.means + model.sigmas * draw))
+
+
+TILT_RAD = np.radians(0.1)
+"""A taught pose has as many digits as somebody wrote down."""
+
+
+class ScaraArm(Arm):
+    """Turns its flange about the vertical only, as a SCARA does: a six-axis arm that refuses to tilt it."""
+
+    def branches(
+        self, base_T_flange: ArrayLike, near_rad: ArrayLike | None = None, singular: float = SINGULAR_EXACT
+    ) -> Array:
+        """As of an arm of six axes; raises UnreachablePoseError where the flange would tilt."""
+        tilt_rad = np.arccos(np.clip(-np.asarray(base_T_flange, float)[..., 2, 2], -1.0, 1.0)).max()
+        if tilt_rad > TILT_RAD:
+            what = f"the flange would tilt by {np.degrees(tilt_rad):.1f}°, which a SCARA cannot"
+            raise UnreachablePoseError(what, "turn it about the vertical only")
+        return super().branches(base_T_flange, near_rad, singular)

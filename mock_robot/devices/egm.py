@@ -5,7 +5,7 @@ from collections.abc import Callable
 from math import pi, sin
 
 from mock_robot.cabinet.cabinet import Cabinet
-from mock_robot.cabinet.egm_sample import robot_sample
+from mock_robot.cabinet.panel import robot_sample
 from mock_robot.faults.board import FaultBoard
 from protocols.egm.messages import encode
 

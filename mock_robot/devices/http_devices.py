@@ -29,8 +29,7 @@ from mock_robot.faults.board import DeviceFault, FaultBoard
 from mock_robot.scene.camera_view import render, sketch
 from mock_robot.scene.printed_target import print_target
 from mock_robot.scene.scanner_view import ScannerModel, cloud_ply, organised_pcd, scan
-from mock_robot.truth.truth import CellTruth
-from mock_robot.truth.warming import CameraWarming
+from mock_robot.truth.truth import CameraWarming, CellTruth
 
 Device = Literal["camera", "scanner"]
 

@@ -3,7 +3,7 @@
 A fault of controller and link acts in up to four places: on the controller's state when it begins (`begin`), on a
 reply before encoding (`reply`), on encoded bytes sent (`send`) and on bytes received (`receive`). One of camera or
 scanner acts before the capture (`delay_s`, `status`), in the scene (`hides_target`), on captured data (`picture`,
-`points`) or on the encoded file (`content`). New faults are new rows of `robot_faults` and `device_faults`.
+`points`) or on the encoded file (`content`). New faults are new rows of `tables`.
 """
 
 from collections.abc import Callable, Mapping

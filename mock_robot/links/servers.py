@@ -11,7 +11,7 @@ from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send, WireStep
 from mock_robot.devices.tcp_server import TcpServer
 from mock_robot.faults.board import FaultBoard
 from mock_robot.links.cb_program import HEARTBEAT_S, Controller
-from protocols.cb.codes import Command, Status
+from protocols.cb.codes import Command, SessionState, Status
 from protocols.cb.controller import ControllerSession
 from protocols.cb.events import (
     BadChecksum,
@@ -24,7 +24,6 @@ from protocols.cb.events import (
 from protocols.cb.frames import FramingBroken, GarbageSkipped
 from protocols.cb.layouts import COMMAND_OF
 from protocols.cb.messages import Bye
-from protocols.cb.session_state import SessionState
 
 HALF_FRAME_S = 0.5
 """A frame interrupted for longer than this is discarded."""

@@ -11,7 +11,7 @@ from mock_robot.arm.simulated_arm import SimulatedArm
 from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.errors import MockError
 from mock_robot.faults.board import FaultBoard
-from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.faults.tables import FAULTS
 from mock_robot.links.cb_program import Controller
 from mock_robot.links.servers import SerialLinkServer, TcpLinkServer, open_pty
 from mock_robot.rapid.controller import DEPLOYED, RapidController

@@ -10,7 +10,7 @@ from typing import Any
 from mock_robot.cabinet.cabinet import TITLES, Cabinet
 from mock_robot.cabinet.panel import Panel
 from mock_robot.errors import MockError
-from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.faults.tables import FAULTS
 from mock_robot.rapid.configuration import (
     FACTORY_TASK,
     Fragments,

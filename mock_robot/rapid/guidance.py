@@ -18,7 +18,7 @@ from calibration.transforms import (
     transform_from_quaternion,
     vector_from_rotation,
 )
-from mock_robot.cabinet.egm_sample import robot_sample
+from mock_robot.cabinet.panel import robot_sample
 from mock_robot.rapid.unit import MotionUnit
 from protocols.egm.messages import Correction, NotEgm, RobotSample, decode_correction, encode
 

@@ -5,6 +5,7 @@ The daemon never sees it. What an integrator knows of the cell is in `mock_robot
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import exp
 
 import numpy as np
 
@@ -17,7 +18,31 @@ from mock_robot.arm.built_arm import ArmClass, BuiltArm, build_arm
 from mock_robot.cabinet.cabinet import Mounting
 from mock_robot.scene.optics import Optics
 from mock_robot.scene.printed_target import PrintOptions, print_target
-from mock_robot.truth.warming import CameraWarming
+
+
+@dataclass(frozen=True)
+class CameraWarming:
+    """A camera that warms up from `cold_c` towards `warm_c`, while its image shifts: after `pictures` 63 % of the way.
+
+    `px_per_k`: shift of the image (u, v). `reported`: whether the camera gives its temperature with each picture.
+    """
+
+    cold_c: float = 32.0
+    warm_c: float = 47.0
+    pictures: float = 8.0
+    px_per_k: tuple[float, float] = (0.1, -0.05)
+    reported: bool = True
+
+    def temperature_c(self, number: int) -> float:
+        """While picture `number` is taken, the first one being 1."""
+        return self.warm_c + (self.cold_c - self.warm_c) * exp(-(number - 1) / self.pictures)
+
+    def camera(self, cold: CameraModel, number: int) -> CameraModel:
+        """The camera that takes picture `number`."""
+        matrix = cold.matrix.copy()
+        matrix[:2, 2] += np.array(self.px_per_k) * (self.temperature_c(number) - self.cold_c)
+        return replace(cold, matrix=matrix)
+
 
 IRB_1600 = "IRB 1600-6/1.45"
 

@@ -2,7 +2,16 @@
 
 from dataclasses import dataclass
 
-from protocols.cb.codes import REPLY_BIT, VERSION, Capability, Command, Status
+from protocols.cb.codes import (
+    ALLOWED_COMMANDS,
+    REPLY_BIT,
+    STATE_AFTER,
+    VERSION,
+    Capability,
+    Command,
+    SessionState,
+    Status,
+)
 from protocols.cb.errors import NotAllowedNow, NothingToAnswer, PayloadRefused, RequestOutstanding
 from protocols.cb.events import (
     ClientEvent,
@@ -17,7 +26,6 @@ from protocols.cb.events import (
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
 from protocols.cb.layouts import ANSWERS, COMMAND_OF, good_status, pack, unpack
 from protocols.cb.messages import Refused, Reply, Request, Stop, Welcome
-from protocols.cb.session_state import ALLOWED_COMMANDS, STATE_AFTER, SessionState
 from protocols.counter import next_count
 
 

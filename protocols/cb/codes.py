@@ -1,6 +1,6 @@
 """Command, status, flag and selector codes of the CB link."""
 
-from enum import IntEnum, IntFlag
+from enum import Enum, IntEnum, IntFlag
 
 VERSION = 1
 """Protocol version implemented here."""
@@ -95,3 +95,22 @@ class Output(IntEnum):
 
     LIGHT = 1
     TRIGGER = 2
+
+
+class SessionState(Enum):
+    """Of one end, alike at both: whether HELLO was answered; BROKEN for good once the stream cannot be split."""
+
+    NOT_GREETED = "not greeted"
+    GREETED = "greeted"
+    BROKEN = "broken"
+
+
+ALLOWED_COMMANDS: dict[SessionState, frozenset[Command]] = {
+    SessionState.NOT_GREETED: frozenset({Command.PING, Command.HELLO}),
+    SessionState.GREETED: frozenset(Command),
+    SessionState.BROKEN: frozenset(),
+}
+"""Commands that a client may send, and a controller hands up, in each state."""
+
+STATE_AFTER = {Command.HELLO: SessionState.GREETED, Command.BYE: SessionState.NOT_GREETED}
+"""By the command that was answered; after any other the state is the same. Refusals leave it, too."""

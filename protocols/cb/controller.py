@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from protocols.cb.codes import REPLY_BIT, VERSION, Command, Status
+from protocols.cb.codes import ALLOWED_COMMANDS, REPLY_BIT, STATE_AFTER, VERSION, Command, SessionState, Status
 from protocols.cb.errors import NothingToAnswer, PayloadRefused
 from protocols.cb.events import (
     BadChecksum,
@@ -15,7 +15,6 @@ from protocols.cb.events import (
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
 from protocols.cb.layouts import ANSWERS, COMMAND_OF, REQUESTS, good_status, pack, unpack
 from protocols.cb.messages import Hello, Refused, Reply, Success
-from protocols.cb.session_state import ALLOWED_COMMANDS, STATE_AFTER, SessionState
 from protocols.counter import MAX_COUNT
 
 

@@ -1,6 +1,8 @@
-"""Commands, verdicts, bits and states of the register map."""
+"""Commands, verdicts, bits and states of the register map, and the numbers of errors."""
 
+import json
 from enum import IntEnum, IntFlag
+from pathlib import Path
 
 MAP_VERSION = 1
 """Incremented when a register changes its address or meaning; added registers leave it unchanged."""
@@ -86,3 +88,22 @@ class DriftState(IntEnum):
     LEARNING = 1
     STEADY = 2
     DRIFTING = 3
+
+
+NO_ERROR = 0
+UNKNOWN = 999
+"""An error without a number: the log and the REST interface have its message."""
+
+ERROR_CODES: dict[str, tuple[int, str]] = {
+    code: (number, meaning)
+    for code, (number, meaning) in json.loads(Path(__file__).with_name("error_codes.json").read_text("utf-8")).items()
+}
+"""Number and meaning of each stable code, from the sheet beside this file. A number is never reused for another error.
+
+Tens: 0 the PLC itself, 1 and 2 refused now, 3 and 4 robot and devices, 5 what was seen, 6 the computer, 9 a defect.
+"""
+
+
+def number_of(code: str) -> int:
+    """The number of an error's stable code."""
+    return ERROR_CODES[code][0] if code in ERROR_CODES else UNKNOWN

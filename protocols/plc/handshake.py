@@ -13,8 +13,17 @@ from typing import Any
 
 from protocols.counter import next_count
 from protocols.modbus.words import WordOrder, Words, unsigned_of
-from protocols.plc.codes import MAP_VERSION, TRIGGER_BITS, TRIGGERS, ControlBit, DriftState, PlcCommand, StatusBit
-from protocols.plc.error_codes import NO_ERROR, number_of
+from protocols.plc.codes import (
+    MAP_VERSION,
+    NO_ERROR,
+    TRIGGER_BITS,
+    TRIGGERS,
+    ControlBit,
+    DriftState,
+    PlcCommand,
+    StatusBit,
+    number_of,
+)
 from protocols.plc.events import (
     AbortRun,
     CellStatus,

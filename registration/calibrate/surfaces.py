@@ -26,8 +26,8 @@ from calibration.transforms import Array, adjoint, difference, inverse, skew, tr
 from registration.calibrate.outcome import solution_with_x, solution_without_x
 from registration.calibrate.surface_search import find_rough_x
 from registration.fusion.overlap import agreement, reach_of
-from registration.fusion.pair_information import PairEvidence
 from registration.fusion.pose_adjustment import (
+    PairEvidence,
     all_pairs,
     at_flange_of,
     correction_of,

@@ -10,7 +10,7 @@ from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.cabinet.cabinet import MotionBox
 from mock_robot.cabinet.wire_steps import Close, Send, WireStep
 from mock_robot.faults.board import FaultBoard
-from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.faults.tables import FAULTS
 from mock_robot.links.cb_program import Controller
 from mock_robot.links.servers import ControllerLink
 from protocols.cb import messages as cb

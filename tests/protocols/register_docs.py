@@ -6,8 +6,7 @@ from enum import IntFlag
 from io import StringIO
 from pathlib import Path
 
-from protocols.plc.codes import ContentsBit, ControlBit, StatusBit
-from protocols.plc.error_codes import ERROR_CODES, UNKNOWN
+from protocols.plc.codes import ERROR_CODES, UNKNOWN, ContentsBit, ControlBit, StatusBit
 from protocols.plc.registers import REGISTERS, RESULT, STATUS, Register
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -9,8 +9,16 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from protocols.counter import next_count
 from protocols.modbus.words import crc16
-from protocols.plc.codes import TRIGGER_BITS, TRIGGERS, ControlBit, DriftState, PlcCommand, PlcVerdict, StatusBit
-from protocols.plc.error_codes import number_of
+from protocols.plc.codes import (
+    TRIGGER_BITS,
+    TRIGGERS,
+    ControlBit,
+    DriftState,
+    PlcCommand,
+    PlcVerdict,
+    StatusBit,
+    number_of,
+)
 from protocols.plc.events import (
     AbortRun,
     CellStatus,

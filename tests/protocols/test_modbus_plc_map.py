@@ -7,8 +7,7 @@ import pytest
 from daemon import errors as daemon_errors
 from drivers import errors as driver_errors
 from protocols.modbus.words import WordOrder, crc16, text_of, unsigned_of
-from protocols.plc.codes import PlcCommand, PlcVerdict
-from protocols.plc.error_codes import ERROR_CODES, UNKNOWN, number_of
+from protocols.plc.codes import ERROR_CODES, UNKNOWN, PlcCommand, PlcVerdict, number_of
 from protocols.plc.registers import BY_NAME, REGISTERS, RESULT, SIZE, WRITABLE, Kind
 from protocols.plc.results import Accuracy, CameraPose, CommandResult, Sigma, result_block
 from tests.protocols.register_docs import BIT_MEANINGS, BITS, csv_text, markdown_text

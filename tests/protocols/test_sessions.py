@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.cb.client import ClientSession
-from protocols.cb.codes import Command, Status
+from protocols.cb.codes import ALLOWED_COMMANDS, STATE_AFTER, Command, SessionState, Status
 from protocols.cb.controller import ControllerSession, is_older
 from protocols.cb.errors import NotAllowedNow, NothingToAnswer, RequestOutstanding
 from protocols.cb.events import (
@@ -37,7 +37,6 @@ from protocols.cb.messages import (
     Stop,
     Stopped,
 )
-from protocols.cb.session_state import ALLOWED_COMMANDS, STATE_AFTER, SessionState
 from protocols.counter import next_count
 from tests.protocols.rows import REQUEST_ROWS, Row
 from tests.protocols.session_pairs import ANSWER_OF, HELLO, MOVE, REPORT, asked, greeted_pair, welcome

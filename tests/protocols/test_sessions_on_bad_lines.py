@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from protocols.cb.codes import SessionState
 from protocols.cb.events import (
     BadChecksum,
     ReplyReceived,
@@ -12,7 +13,6 @@ from protocols.cb.events import (
 from protocols.cb.frames import GarbageSkipped
 from protocols.cb.layouts import REQUESTS
 from protocols.cb.messages import SetArmed
-from protocols.cb.session_state import SessionState
 from tests.protocols.dirt import GARBAGE
 from tests.protocols.rows import REQUEST_ROWS
 from tests.protocols.session_pairs import ANSWER_OF, HELLO, asked, greeted_pair, welcome

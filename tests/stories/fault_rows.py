@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from mock_robot.faults.device_faults import DEVICE_FAULTS
-from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.faults.tables import DEVICE_FAULTS, FAULTS
 from tests.stories.camera_fault_rows import camera_page
 
 SUMMARIES: Mapping[str, str] = {

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from mock_robot.truth.warming import CameraWarming
+from mock_robot.truth.truth import CameraWarming
 from tests.stories.plant import TEXT, plant, small_pictures
 from tests.support.waiting import LIMIT_S
 

@@ -11,8 +11,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from daemon.access.browser_sessions import BrowserSession, token_in
 from daemon.access.errors import KeyMissing, RoleTooLow
-from daemon.access.policy import role_for
-from daemon.access.roles import LOCAL, LOCAL_READER, NOBODY, ROLES, SERVICE, Caller, Role
+from daemon.access.roles import LOCAL, LOCAL_READER, NOBODY, ROLES, SERVICE, Caller, Role, role_for
 from daemon.api.http_errors import CrossOrigin
 from daemon.api.middleware.abort_first import ABORT_PATH
 from daemon.api.problems import answer, problem_of

@@ -8,7 +8,6 @@ from daemon.api.live.picture_stream import STREAM, StreamedPictures, working_run
 from daemon.api.negotiation import PICTURE_TYPES, choose_picture_type, or_text, respond
 from daemon.api.plain_text import robot_text
 from daemon.api.problems import problem_responses
-from daemon.api.robot_documents import RobotDocuments
 from daemon.api.schemas.cell import (
     ArmDocument,
     ArmTemperatureDocument,
@@ -21,6 +20,7 @@ from daemon.api.schemas.cell import (
 )
 from daemon.application import Application
 from daemon.cell.cell import motion_obstacles
+from daemon.cell.readings import RobotReading
 from daemon.config.settings import MAIN_CAMERA
 from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import CellBusy, InterlockOpen
@@ -235,3 +235,19 @@ async def _interlocks(app: Application) -> CheckDocument:
     except InterlockOpen as error:
         return CheckDocument.of("interlocks", False, error.what, error.fix)
     return CheckDocument.of("interlocks", True, Sentence("check-interlocks"))
+
+
+class RobotDocuments:
+    """One document a reading, ten a second at most: each takes 0.5 ms of the event loop, half of a request."""
+
+    def __init__(self, app: Application) -> None:
+        self._app = app
+        self._last: tuple[RobotReading, RobotDocument] | None = None
+
+    async def read(self) -> RobotDocument:
+        """The document of a reading of at most the last 0.1 s. Raises DeviceError."""
+        reading = await self._app.readings.robot.read()
+        if self._last is None or self._last[0] is not reading:
+            cell, arm = self._app.cell, self._app.operations.rules.model
+            self._last = reading, RobotDocument.of(reading, cell.robot, cell.holder, arm)
+        return self._last[1]

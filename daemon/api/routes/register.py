@@ -19,9 +19,8 @@ from daemon.api.streaming.cloud_request import (
     flange_pose_of,
     media_type_of,
 )
-from daemon.api.streaming.cloud_response import CloudResponse
+from daemon.api.streaming.cloud_response import CloudResponse, TemporaryFileResponse
 from daemon.api.streaming.request_body import body_chunks, lend_body
-from daemon.api.streaming.temporary_file import TemporaryFileResponse
 from daemon.config.settings import MAIN_SCANNER
 from daemon.errors import CalibrationUnusable
 from daemon.scans.upload import NPZ, PLY, WHOLE

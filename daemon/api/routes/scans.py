@@ -48,8 +48,8 @@ from daemon.api.streaming.cloud_request import (
     flange_pose_of,
     media_type_of,
 )
+from daemon.api.streaming.cloud_response import TemporaryFileResponse
 from daemon.api.streaming.request_body import lend_body
-from daemon.api.streaming.temporary_file import TemporaryFileResponse
 from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.model.records import ScanViewDocument

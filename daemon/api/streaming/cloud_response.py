@@ -9,8 +9,10 @@ import logging
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import aclosing
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
+from fastapi.responses import FileResponse
 from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
@@ -211,3 +213,13 @@ class CloudResponse(Response):
                 if task is not None:
                     task.cancel()
             await asyncio.gather(*filter(None, (sending, taking)), return_exceptions=True)
+
+
+class TemporaryFileResponse(FileResponse):
+    """An answer from a file that is deleted afterwards, also when the client disconnects before its end."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            await asyncio.to_thread(partial(Path(self.path).unlink, missing_ok=True))

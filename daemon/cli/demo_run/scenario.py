@@ -5,18 +5,68 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import typer
+
 from calibration.documents.calibration import CalibrationDocument
-from daemon.cli.demo_run.progress import ProgressLine, ProgressPrinter
 from daemon.cli.demo_run.settings_file import TOLERANCE_MM
 from daemon.cli.errors import CommandError
 from daemon.cli.rest_client import connect
 from daemon.runtime.module_names import module_name
 from handeyed.client import Client, ServerEvent
+
+NAME, WHAT = 12, 36
+"""Widths of the two left columns."""
+
+
+class ProgressLine:
+    """The output of one step: a line, rewritten on a terminal, written once elsewhere."""
+
+    def __init__(self, name: str, what: str, live: bool, aside: bool) -> None:
+        self._left = f"  {name:<{NAME}}{what:<{WHAT}}"
+        self._live, self._aside = live, aside
+        self._began_s = time.monotonic()
+        self.over = False
+
+    def update(self, doing: str) -> None:
+        """Rewrite the line with the current activity; on a terminal only."""
+        if self._live:
+            typer.echo(f"\r\033[K{self._left}{doing}", nl=False, err=self._aside)
+
+    def finish(self, result: str) -> None:
+        """Complete the line with the time taken and the result."""
+        self.over = True
+        took = f"{time.monotonic() - self._began_s:5.1f} s"
+        typer.echo(("\r\033[K" if self._live else "") + f"{self._left}{took}   {result}", err=self._aside)
+
+
+class ProgressPrinter:
+    """Prints to standard output, or with `aside` to standard error."""
+
+    def __init__(self, aside: bool = False) -> None:
+        self._aside = aside
+        self._live = (sys.stderr if aside else sys.stdout).isatty()
+
+    def line(self, text: str = "") -> None:
+        typer.echo(text, err=self._aside)
+
+    @contextmanager
+    def progress_line(self, name: str, what: str) -> Iterator[ProgressLine]:
+        """The progress line of a step; when the block raises, the line stays as it is."""
+        step = ProgressLine(name, what, self._live, self._aside)
+        step.update("...")
+        try:
+            yield step
+        except BaseException:
+            if self._live and not step.over:
+                typer.echo(err=self._aside)
+            raise
+
 
 VIEW_FILE = "view.ply"
 """The last view in the scanner's frame; the arm still stands where it was taken."""

@@ -10,9 +10,8 @@ from drivers.errors import DeviceError, MoveFailed, MoveRefused, MoveStalled
 from drivers.interfaces import JointGoal, MoveGoal, PoseReading, RobotCapabilities, RobotSetup, RobotStatus, Standstill
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.cb_link import CbLink
-from drivers.robots.abb.cb_move_monitor import MoveMonitor
 from drivers.robots.abb.cb_session import REPLY_LIMIT_S, Answered, CbConversation, OvertakenByStop
-from drivers.robots.abb.cb_status_errors import move_failure, move_refusal, request_refusal
+from drivers.robots.abb.cb_status_errors import MoveMonitor, move_failure, move_refusal, request_refusal
 from drivers.robots.abb.controller_link import LinkedRobot
 from drivers.robots.abb.robtarget import POSE_CONVENTION
 from drivers.timing import Timing

@@ -12,9 +12,8 @@ import pytest
 
 from daemon.access.errors import KeyExists
 from daemon.access.keys import KeyRecord, hash_key, id_of, new_key
-from daemon.access.policy import ANY, POLICY, role_for
-from daemon.access.roles import ROLES, Role
-from daemon.access.setup_code import MAX_ATTEMPTS, SetupCode
+from daemon.access.pairing import MAX_SETUP_ATTEMPTS, SetupCode
+from daemon.access.roles import ANY, POLICY, ROLES, Role, role_for
 from daemon.errors import NotFound
 from daemon.model.records import CalibrationRecord
 from daemon.runtime.clock import Clock
@@ -170,7 +169,7 @@ async def test_the_key_from_the_set_up_is_not_kept_by_an_idempotency_key_either(
 def test_a_few_wrong_guesses_end_the_code() -> None:
     code = SetupCode(lambda letters: letters[0])
     assert code.text == "2222-2222-2222-2222"
-    assert not any(code.redeem(f"{k}") for k in range(MAX_ATTEMPTS))
+    assert not any(code.redeem(f"{k}") for k in range(MAX_SETUP_ATTEMPTS))
     assert not code.redeem(code.text)
 
 

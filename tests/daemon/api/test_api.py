@@ -12,9 +12,9 @@ import pytest
 from fastapi.routing import APIRoute
 
 from daemon.api.app import routes
+from daemon.api.dependencies import NAMES
 from daemon.api.middleware.request_checks import MAX_JSON_BYTES
 from daemon.api.negotiation import wants_text
-from daemon.api.operation_names import NAMES
 from daemon.api.route_table import routers
 from daemon.http.problem_details import reason_phrase
 from daemon.model.records import CalibrationRecord

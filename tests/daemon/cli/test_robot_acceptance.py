@@ -28,7 +28,7 @@ from drivers.robots.abb.rws.administration import RwsAdministration
 from drivers.timing import Timing
 from drivers.transports.tcp import TcpConnection
 from mock_robot.cell import MockCell, Ports
-from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.faults.tables import FAULTS
 from mock_robot.links import cb_program, servers
 from mock_robot.links.cb_program import Controller
 from mock_robot.rapid.controller import DEPLOYED

@@ -29,8 +29,7 @@ from daemon.model.records import RunRecord, ScanRecord
 from daemon.model.run_states import RunState
 from daemon.reports.charts import LOOKS, Bar, ChartPoint, bar_chart, control_chart, limit_scale
 from daemon.reports.context import Picture, ReportContext
-from daemon.reports.languages import WORDS
-from daemon.reports.pages import TEMPLATES, policy_of
+from daemon.reports.pages import TEMPLATES, WORDS, policy_of
 from daemon.reports.reports import (
     acceptance_report,
     calibration_report,

@@ -17,8 +17,7 @@ from daemon.access.roles import Role
 from daemon.model.records import CauseDocument, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runs.supervisor import abort_cause
-from daemon.store.database import DATABASE_NAME
-from daemon.store.schema import MIGRATIONS
+from daemon.store.database import DATABASE_NAME, MIGRATIONS
 from daemon.store.store import Store
 from tests.daemon.access_keys import TEST, bearer
 from tests.daemon.cell_under_test import Bench, serving, settings_for

@@ -11,10 +11,9 @@ import pytest
 from daemon.errors import BackupUnusable, StorageError, StorageInUse
 from daemon.store import restore as restore_module
 from daemon.store.backup import MANIFEST
-from daemon.store.database import DATABASE_NAME
+from daemon.store.database import DATABASE_NAME, SCHEMA_VERSION
 from daemon.store.lock import LOCK_NAME
 from daemon.store.restore import restore
-from daemon.store.schema import SCHEMA_VERSION
 from daemon.store.store import Store
 from tests.daemon.cli.running import handeyed
 from tests.daemon.store.backups import PICTURE, a_backup, a_tar, config_in, contents_of, fill_store, names_of_scans

@@ -16,8 +16,7 @@ from daemon.errors import NoCalibration, NotFound, StorageError, StorageFull, St
 from daemon.model.records import AppliedCalibration, CalibrationRecord, CauseDocument, FlangePose, ScanRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.durable_files import write_durably
-from daemon.store.database import DATABASE_NAME
-from daemon.store.schema import SCHEMA_VERSION
+from daemon.store.database import DATABASE_NAME, SCHEMA_VERSION
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.records import AT, a_run, names_in

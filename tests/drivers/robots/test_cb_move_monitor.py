@@ -3,7 +3,7 @@
 import pytest
 
 from drivers.errors import MoveFailed, MoveStalled
-from drivers.robots.abb.cb_move_monitor import MoveMonitor
+from drivers.robots.abb.cb_status_errors import MoveMonitor
 from protocols.cb.codes import Flag, Status
 from protocols.cb.messages import Report
 

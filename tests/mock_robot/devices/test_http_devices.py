@@ -15,7 +15,7 @@ from calibration.transforms import Array, inverse, map_points, rotation_from_vec
 from mock_robot.devices.http_devices import DeviceApp
 from mock_robot.errors import NoSuchState, UnknownFault
 from mock_robot.faults.board import FaultBoard
-from mock_robot.faults.device_faults import DEVICE_FAULTS
+from mock_robot.faults.tables import DEVICE_FAULTS
 from mock_robot.scene.camera_view import facing
 from mock_robot.scene.part import DOOR
 from mock_robot.scene.printed_target import print_target

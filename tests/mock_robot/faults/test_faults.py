@@ -8,9 +8,9 @@ import pytest
 
 from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send
 from mock_robot.errors import UnknownFault
-from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.faults.tables import FAULTS
 from protocols.cb import messages as cb
-from protocols.cb.codes import Command, Flag, Status
+from protocols.cb.codes import Command, Flag, SessionState, Status
 from protocols.cb.events import (
     GarbledReply,
     GreetingLost,
@@ -19,7 +19,6 @@ from protocols.cb.events import (
     UnexpectedReply,
 )
 from protocols.cb.frames import ChecksumFailed, FramingBroken, GarbageSkipped
-from protocols.cb.session_state import SessionState
 from tests.mock_robot.controller_client import AWAY, HOME, ControllerClient, bare_controller, joints_now, move_to
 
 STATUS = cb.GetStatus()

@@ -6,7 +6,7 @@ from contextlib import suppress
 
 import pytest
 
-from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.faults.tables import FAULTS
 from protocols.cb import messages as cb
 from protocols.cb.codes import Status
 from protocols.cb.events import RepeatWanted, ReplyReceived

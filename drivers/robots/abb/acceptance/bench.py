@@ -14,7 +14,7 @@ from drivers.interfaces import MoveGoal, PoseReading
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.acceptance.person import KEY, ROOM, Answer, Person, Step
 from drivers.robots.abb.acceptance.wire import Exchange, Wire
-from drivers.robots.abb.cb_move_monitor import MoveMonitor
+from drivers.robots.abb.cb_status_errors import MoveMonitor
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.administration import RwsAdministration
 from drivers.robots.abb.rws.robot import RwsRobot

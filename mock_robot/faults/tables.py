@@ -1,4 +1,4 @@
-"""Table of named faults of the controller, its links, RWS and EGM. Camera and scanner have a table of their own."""
+"""Tables of named faults: of the controller, its links, RWS and EGM, and of camera and scanner."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -9,10 +9,12 @@ from random import Random
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cabinet.panel import Mode
 from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send, WireStep
-from mock_robot.faults.board import Fault, StateFault
+from mock_robot.faults.board import DeviceFault, Fault, Picture, Points, StateFault
 from protocols.cb.messages import Pose, Reply, Report
 
 DELAY_S = 0.4
@@ -144,3 +146,44 @@ _ROWS = (
 )
 
 FAULTS: Mapping[str, Fault] = MappingProxyType({row.name: row for row in _ROWS})
+
+LATE_S = 5.0
+
+
+def _tear(picture: Picture) -> Picture:
+    """Shift the lower half by a sixteenth of the width, as a readout that lost synchronisation does."""
+    torn = picture.copy()
+    half = len(picture) // 2
+    torn[half:] = np.roll(picture[half:], picture.shape[1] // 16, axis=1)
+    return torn
+
+
+def _with_holes(points: Points) -> Points:
+    """Set every tenth point to NaN, as scanners mark pixels without a measurement."""
+    holes = points.copy()
+    holes[::10] = np.nan
+    return holes
+
+
+_DEVICE_ROWS = (
+    DeviceFault("camera-late", f"the picture comes {LATE_S:.0f} s late", delay_s=LATE_S),
+    DeviceFault("camera-away", "the camera answers 503", status=503),
+    DeviceFault("camera-repeated", "the previous picture comes again as if new", None, repeats="lying"),
+    DeviceFault("camera-stale", "the previous picture comes with its true age", None, repeats="honest"),
+    DeviceFault("camera-black", "the picture is black", picture=np.zeros_like),
+    DeviceFault("camera-saturated", "the picture is white", picture=lambda p: np.full_like(p, 255)),
+    DeviceFault("camera-torn", "the lower half of the picture is shifted", picture=_tear),
+    DeviceFault("camera-wrong-size", "the picture has half the size", picture=lambda p: p[::2, ::2].copy()),
+    DeviceFault("camera-half-file", "half of the file comes", content=_half),
+    DeviceFault("camera-empty-file", "a file of 0 bytes comes", content=lambda content: b""),
+    DeviceFault("camera-target-hidden", "something covers the target", hides_target=True),
+    DeviceFault("scanner-late", f"the cloud comes {LATE_S:.0f} s late", delay_s=LATE_S),
+    DeviceFault("scanner-away", "the scanner answers 503", status=503),
+    DeviceFault("scanner-repeated", "the previous cloud comes again as if new", None, repeats="lying"),
+    DeviceFault("scanner-stale", "the previous cloud comes with its true age", None, repeats="honest"),
+    DeviceFault("scanner-empty", "the cloud has no points", points=lambda points: points[:0]),
+    DeviceFault("scanner-nan", "every tenth point is NaN", points=_with_holes),
+    DeviceFault("scanner-half-file", "half of the file comes", content=_half),
+)
+
+DEVICE_FAULTS: Mapping[str, DeviceFault] = MappingProxyType({fault.name: fault for fault in _DEVICE_ROWS})
