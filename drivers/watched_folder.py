@@ -6,6 +6,7 @@ import math
 import stat
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -53,12 +54,10 @@ def files_in(folder: Path, suffixes: tuple[str, ...]) -> list[Sighting]:
         name = path.name.lower()
         if name.startswith(".") or name.endswith(TEMPORARY_ENDINGS) or not name.endswith(suffixes):
             continue
-        try:
+        with suppress(FileNotFoundError):  # renamed or removed between listing and stat
             seen = path.lstat()
-        except FileNotFoundError:
-            continue  # renamed or removed between listing and stat
-        if stat.S_ISREG(seen.st_mode):
-            sightings.append(Sighting(path, seen.st_size, seen.st_mtime_ns))
+            if stat.S_ISREG(seen.st_mode):
+                sightings.append(Sighting(path, seen.st_size, seen.st_mtime_ns))
     return sightings
 
 

@@ -1,6 +1,7 @@
 """Registers a scan, writes the merged cloud and builds the report; measures the gaps between its views."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from itertools import combinations
 from pathlib import Path
 
@@ -190,11 +191,9 @@ def stitch_views(views: Sequence[ScanView], mount: ScannerMount, reach_mm: float
     pairs: list[StitchedPairDocument] = []
     for first, second in combinations(range(len(views)), 2):
         poses = placed[first].base_T_camera, placed[second].base_T_camera
-        try:
+        with suppress(ScanError):  # these two have no surface in common
             found = measure_gap(samples[first].surface, poses[0], samples[second].surface, poses[1], reach_mm)
-        except ScanError:
-            continue  # these two have no surface in common
-        pairs.append(_stitched(first, second, found))
+            pairs.append(_stitched(first, second, found))
     if not pairs:
         fix = "scan one surface from several views, or look further with reach_mm"
         raise ScanError("no two views show the same surface", fix)

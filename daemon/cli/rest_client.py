@@ -4,6 +4,7 @@ import json
 import os
 import socket
 import ssl
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -82,9 +83,7 @@ def free_port() -> int:
     """The daemon's usual port when it is free, so that what is printed stays the same; else the next that is."""
     usual = ServerSettings()
     for port in range(usual.port, usual.port + MAX_PORTS):
-        try:
+        with suppress(OSError):
             socket.create_server((usual.host, port)).close()
-        except OSError:
-            continue
-        return port
+            return port
     return 0

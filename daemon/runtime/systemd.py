@@ -13,6 +13,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -102,10 +103,8 @@ def _split(text: str) -> Iterator[str]:
 def _tasks_of(loop: asyncio.AbstractEventLoop) -> "list[asyncio.Task[object]]":
     """The tasks that are not done; none where the loop goes on and changes them all the time."""
     for _ in range(10):
-        try:
+        with suppress(RuntimeError):  # it was changed during the look
             return sorted(asyncio.all_tasks(loop), key=lambda task: task.get_name())
-        except RuntimeError:  # it was changed during the look
-            continue
     return []
 
 

@@ -101,16 +101,12 @@ class Database:
 
         return await self._in_thread(guarded, place)
 
-    async def close(self) -> None:
-        await self._in_thread(self._connection.close)
-        self.thread.shutdown()
-
     def read_now(self, query: Callable[[sqlite3.Connection], Answer]) -> Answer:
         """Like `read`, for commands without an event loop."""
         return self._now(lambda: query(self._connection))
 
-    def close_now(self) -> None:
-        """Like `close`, for commands without an event loop."""
+    def close(self) -> None:
+        """Close the connection; it waits for the thread."""
         self.thread.submit(self._connection.close).result()
         self.thread.shutdown()
 

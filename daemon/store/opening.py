@@ -73,7 +73,7 @@ class LockedStore:
     def close(self) -> None:
         """Close the connections, then release the lock. The database is closed last: that empties its log."""
         for connection in reversed(self._connections):
-            connection.close_now()
+            connection.close()
         self.lock.release()
 
     def _connect(self, path: Path, *, read_only: bool, at: Failpoints = NO_FAILPOINTS) -> Database:
@@ -92,17 +92,12 @@ def open_offline(folder: Path) -> Iterator[Database]:
     try:
         opened = LockedStore(folder)
     except StorageInUse:
-        database = Database(folder / DATABASE_NAME, migrate=False)
-        database.guard = WriteGuard(OpenFiles(folder))
-        try:
+        with closing(Database(folder / DATABASE_NAME, migrate=False)) as database:
+            database.guard = WriteGuard(OpenFiles(folder))
             yield database
-        finally:
-            database.close_now()
         return
-    try:
+    with closing(opened):
         yield opened.database
-    finally:
-        opened.close()
 
 
 @contextmanager
@@ -111,11 +106,8 @@ def open_despite_faults(folder: Path) -> Iterator[Database]:
     require_owner(folder)
     lock = FolderLock(folder)
     try:
-        database = Database(folder / DATABASE_NAME)
-        try:
+        with closing(Database(folder / DATABASE_NAME)) as database:
             yield database
-        finally:
-            database.close_now()
     finally:
         lock.release()
 

@@ -134,10 +134,7 @@ class Store:
         return Documents(kind, self._database, self._opened.list_reader, publish)
 
     async def close(self) -> None:
-        await self._opened.list_reader.close()
-        await self._opened.key_reader.close()
-        await self._database.close()
-        self._opened.lock.release()
+        await asyncio.to_thread(self._opened.close)
 
     @property
     def fault(self) -> StoreFault | None:

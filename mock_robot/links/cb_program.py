@@ -4,6 +4,7 @@ Times are passed in. `now_s` is wire time (heartbeat, time stamps); the arm runs
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import product
 from typing import Any
@@ -333,10 +334,8 @@ def goal_joints(
 def _near(arm: Arm, base_T_flange: Array, configuration: cb.ConfData, here_rad: Array) -> Iterator[Array]:
     cf1, cf4, cf6, cfx = configuration
     for i, j, k in product((-1, 0, 1), repeat=3):
-        try:
+        with suppress(UnreachablePoseError):
             yield arm.matching(base_T_flange, (cf1 + i, cf4 + j, cf6 + k, cfx), near_rad=here_rad)
-        except UnreachablePoseError:
-            continue
 
 
 def speeds_sharing(start: Array, end: Array, limit_mm_s: float, reach_mm: float) -> tuple[float, float]:

@@ -88,13 +88,11 @@ class EgmSession:
                 self._follow()
 
     def _hear(self, own: socket.socket) -> None:
-        while True:
-            try:
+        with suppress(OSError):  # no more has come
+            while True:
                 data = own.recv(2048)
-            except OSError:
-                return
-            with suppress(NotEgm):
-                self.newest = decode_correction(data)
+                with suppress(NotEgm):
+                    self.newest = decode_correction(data)
 
     def _follow(self) -> None:
         """Move the arm by as much as one period allows; a correction out of its reach moves nothing."""

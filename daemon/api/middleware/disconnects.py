@@ -147,11 +147,9 @@ class Client:
             self._listener = asyncio.create_task(self._await_disconnect())
 
     async def _await_disconnect(self) -> None:
-        try:
+        with suppress(DaemonError):  # a discarded body that is too large
             while (await self._receive())["type"] != "http.disconnect":
                 pass
-        except DaemonError:  # a discarded body that is too large
-            pass
         self._finish(ClientDisconnect())
 
     def _finish(self, reason: ClientDisconnect | KeyMissing) -> None:

@@ -11,7 +11,7 @@ import sqlite3
 import subprocess
 import tarfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
@@ -384,12 +384,10 @@ def _pictures(store: Path) -> dict[str, bytes]:
     found: dict[str, bytes] = {}
     rest = MAX_PICTURES_BYTES
     for file in sorted(newest.glob("*.png")) if newest else []:
-        try:
+        with suppress(OSError):  # damaged, gone, or too large for what is left
             content = read_regular(file, rest)
-        except OSError:  # damaged, gone, or too large for what is left
-            continue
-        found[f"pictures/{redact_keys(file.parent.name)}/{redact_keys(file.name)}"] = content
-        rest -= len(content)
+            found[f"pictures/{redact_keys(file.parent.name)}/{redact_keys(file.name)}"] = content
+            rest -= len(content)
     return found
 
 

@@ -4,6 +4,7 @@ Blocking; every call is made in the camera's thread. Names of SFNC 1.x follow th
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TypeVar
 
 import numpy as np
@@ -143,10 +144,8 @@ class CameraSession:
     def close(self) -> None:
         """Stop and close; nothing is raised."""
         self._drop_stream()
-        try:
+        with suppress(VendorError):
             self._camera.close()
-        except VendorError:
-            return
 
     def _configure(self, address: CameraAddress) -> None:
         serial = next((self._camera.read(name) for name in SERIAL if self._camera.has(name)), self._found.serial)
@@ -358,12 +357,9 @@ class CameraSession:
             raise SettingRefused(self._device, what, f"write {self._accepted(feature)}") from error
 
     def _accepted(self, feature: str) -> str:
-        try:
-            choices = self._camera.choices(feature)
-            if choices:
+        with suppress(VendorError):
+            if choices := self._camera.choices(feature):
                 return "one of " + ", ".join(choices)
-        except VendorError:
-            pass
         try:
             low, high = self._camera.bounds(feature)
         except VendorError:
@@ -373,10 +369,8 @@ class CameraSession:
     def _drop_stream(self) -> None:
         if self._streaming:
             self._streaming = False
-            try:
+            with suppress(VendorError):
                 self._camera.stop_stream()
-            except VendorError:
-                return
 
     def _lost(self, error: VendorError | None) -> LinkLost:
         reason = f" ({error})" if error else ""

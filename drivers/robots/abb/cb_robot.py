@@ -156,12 +156,10 @@ class CbRobot(LinkedRobot):
         """Send a request that may be repeated: it is sent again when a STOP overtook it."""
         conversation = conversation or self._link.conversation()
         while True:
-            try:
+            with contextlib.suppress(OvertakenByStop):
                 answered = await conversation.ask(request, urgent=urgent)
-            except OvertakenByStop:
-                continue
-            self._require_accepted(answered, doing)
-            return answered
+                self._require_accepted(answered, doing)
+                return answered
 
     def _require_accepted(self, answered: Answered, doing: str) -> None:
         """Raises RequestRefused."""

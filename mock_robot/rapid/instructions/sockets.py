@@ -3,6 +3,7 @@
 import errno
 import re
 import socket
+from contextlib import suppress
 from random import Random
 from types import MappingProxyType
 from typing import Any
@@ -74,11 +75,9 @@ def accept(task: ProgramTask, slot: Slot, client: Slot, address: Slot | None, ti
         device.require(device.state == "listening", "ERR_SOCK_NOT_BOUND", f"the socket is {device.state}")
         if not task.wait(_limit(time), end.fileno()):
             raise RapidError("ERR_SOCK_TIMEOUT", "nobody connected")
-        try:
+        with suppress(BlockingIOError):  # the connection was closed again
             connection, peer = end.accept()
-        except BlockingIOError:
-            continue  # the connection was closed again
-        break
+            break
     client.value.connect(connection)
     task.services.devices.add(client.value)
     if address is not None:
