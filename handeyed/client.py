@@ -203,7 +203,7 @@ class Client:
 
     def run(self, run_id: str) -> Run:
         """The run as it is now."""
-        run: Run = self.get(f"/runs/{_quoted(run_id)}")
+        run: Run = self.get(f"/runs/{quote(run_id, safe='')}")
         return run
 
     def abort(self, run: Run) -> Run:
@@ -227,7 +227,7 @@ class Client:
         from calibration.documents.calibration import CalibrationDocument
         from calibration.documents.validation import validate_document
 
-        document = self.get(f"/calibrations/{_quoted(calibration_id)}")
+        document = self.get(f"/calibrations/{quote(calibration_id, safe='')}")
         with self._translate_errors():
             return validate_document(CalibrationDocument, document, self.url)
 
@@ -249,7 +249,7 @@ class Client:
         more : despite_verdict=True and reason="..." for one that was not accepted.
         """
         seen = {} if replacing is None else {"If-Match": f'"applied-{replacing["applied"]["sequence"]}"'}
-        path = f"/calibrations/{_quoted(calibration_id)}/apply"
+        path = f"/calibrations/{quote(calibration_id, safe='')}/apply"
         return self._answer("POST", path, json={"applied_by": by, **more}, headers=seen).json()
 
     def register(self, points: "ArrayLike", base_T_flange: "ArrayLike | None" = None, **query: str) -> "NDArray[Any]":
@@ -371,10 +371,6 @@ def _header(name: str, value: str) -> str:
     if not (value.isascii() and value.isprintable()):
         raise ClientError(name, "it has characters that a header cannot hold", "use letters, digits and hyphens")
     return value
-
-
-def _quoted(identifier: str) -> str:
-    return quote(identifier, safe="")
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_text import accuracy_text, summary
 from calibration.documents.numbers import significant
 from calibration.monitoring.cell_change import DriftChangeDocument
-from daemon.api.schemas.calibrations import CalibrateStatus, CurrentCalibration
+from daemon.api.schemas.calibrations import CalibrateStatus
 from daemon.api.schemas.cell import RobotDocument
 from daemon.api.schemas.drift import DriftDocument
 from daemon.api.schemas.health import ReadyDocument
@@ -109,13 +109,6 @@ def status_text(status: CalibrateStatus, base_url: str) -> str:
     lines.append(f"poses: {status.poses}; applied by {status.policy}")
     lines.append(f"start:  curl -X POST -H 'Accept: text/plain' '{base_url}calibrate?wait=120'")
     return "\n".join(lines)
-
-
-def current_text(current: CurrentCalibration) -> str:
-    title = (
-        f"calibration {current.calibration.id}, applied {current.applied.applied_at} by {current.applied.applied_by}"
-    )
-    return summary(title, current.calibration)
 
 
 def ready_text(ready: ReadyDocument) -> str:

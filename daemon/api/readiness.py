@@ -10,12 +10,6 @@ from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import NoCalibration, NotFound
 
 
-async def scanner_readiness(app: Application, scanner: str) -> ReadyDocument:
-    """As `readiness`, of the camera beside this scanner and of registering with the scanner. Raises NotFound."""
-    app.scans.settings_of(scanner)
-    return await readiness(app, app.camera(app.settings.camera_beside(scanner)), scanner)
-
-
 async def readiness(app: Application, camera: CellCamera, scanner: str | None = None) -> ReadyDocument:
     """Check the active calibration of the camera, and robot and camera unless a run uses them.
 

@@ -2,15 +2,10 @@
 
 from importlib.metadata import PackageNotFoundError, version
 
-
-def _version() -> str:
-    try:
-        return version("handeyed")
-    except PackageNotFoundError:
-        return "0+unknown"
-
-
-VERSION = _version()
+try:
+    VERSION = version("handeyed")
+except PackageNotFoundError:
+    VERSION = "0+unknown"
 RELEASE = VERSION.partition(".dev")[0]
 """The release that it is, or leads to: what the interface documents state, whatever the commit."""
 

@@ -158,10 +158,7 @@ def png_of(frame: CameraFrame) -> bytes:
 
 def _detect_view(folder: Path, document: SessionDocument, index: int, target_seen: bool) -> tuple[View, float]:
     """The view, and how sharp its picture is; see `look.measure_quality`."""
-    from daemon.sessions.view_detection import (
-        detect_in_levels,  # by the first picture, not at the start
-        explain_missing,
-    )
+    from daemon.sessions.view_detection import detect_in_levels, explain_missing  # needed by runs only
 
     view = document.views[index]
     name = view.image or ""

@@ -1,5 +1,7 @@
 """Posture of the arm at start: the camera looks straight at the target's centre."""
 
+from contextlib import suppress
+
 import numpy as np
 
 from calibration.kinematics.arm import UnreachablePoseError
@@ -20,13 +22,6 @@ def target_middle_mm(truth: CellTruth) -> Array:
     return np.asarray(map_points(truth.base_T_target, middle[None])[0])
 
 
-def base_T_camera_above(truth: CellTruth, distance_mm: float, roll_rad: float) -> Array:
-    """base_T_camera straight above the target's centre, looking down, rotated about its axis."""
-    base_R_target = truth.base_T_target[:3, :3]
-    base_R_camera = base_R_target @ rotation_from_vector([0.0, 0.0, roll_rad])
-    return transform(base_R_camera, target_middle_mm(truth) - distance_mm * base_R_target[:, 2])
-
-
 def _looking(truth: CellTruth, roll_rad: float) -> Array:
     """base_T_flange at which the camera sees the target's centre on its axis, square on, turned by the roll.
 
@@ -37,7 +32,10 @@ def _looking(truth: CellTruth, roll_rad: float) -> Array:
         seen = map_points(truth.flange_T_camera, np.array([[0.0, 0.0, START_DISTANCE_MM]]))[0]
         return transform(turn, target_middle_mm(truth) - turn @ seen)
     if truth.setup == "eye-in-hand":
-        return base_T_camera_above(truth, START_DISTANCE_MM, roll_rad) @ inverse(truth.flange_T_camera)
+        base_R_target = truth.base_T_target[:3, :3]
+        base_R_camera = base_R_target @ rotation_from_vector([0.0, 0.0, roll_rad])
+        above_mm = target_middle_mm(truth) - START_DISTANCE_MM * base_R_target[:, 2]
+        return transform(base_R_camera, above_mm) @ inverse(truth.flange_T_camera)
     turn = rotation_from_vector([0.0, 0.0, -roll_rad])
     middle = np.append(print_target(truth.target, truth.sheet).outline_mm.mean(axis=0), 0.0)
     camera_T_target = transform(turn, [0.0, 0.0, START_DISTANCE_MM] - turn @ middle)
@@ -57,14 +55,12 @@ def start_joints(arm: AnyArm, truth: CellTruth) -> Array:
 
     candidates: list[Array] = []
     for roll_rad in np.linspace(-np.pi, np.pi, ROLLS, endpoint=False):
-        try:
+        with suppress(UnreachablePoseError):
             candidates += [
                 joints
                 for joints in arm.inverse(_looking(truth, float(roll_rad)))
                 if arm.configuration(joints).cfx in (0, 1)
             ]
-        except UnreachablePoseError:
-            continue
     if not candidates:
         raise UnreachablePoseError(
             f"{arm.name} cannot look at the target of this cell", "put the target nearer to the robot"

@@ -167,7 +167,11 @@ class Idempotency:
         if digest.hexdigest() != earlier.body:
             raise KeyReused
         if (effect := earlier.effect or "").startswith("run "):
-            await self._answer_run(scope, receive, send, effect.removeprefix("run "))
+            request = Request(scope, receive)
+            run = await wait_for_run(request, self._application, effect.removeprefix("run "), wait_of(request))
+            response = await answer_started(request, self._application, run)
+            response.headers[REPLAYED] = "true"
+            await response(scope, receive, send)
             return
         if earlier.status is None:
             assert earlier.effect is not None
@@ -179,13 +183,6 @@ class Idempotency:
         pairs = [(name.lower().encode(), value.encode("latin-1")) for name, value in sent.items()]
         await send({"type": "http.response.start", "status": status, "headers": pairs})
         await send({"type": "http.response.body", "body": content})
-
-    async def _answer_run(self, scope: Scope, receive: Receive, send: Send, run_id: str) -> None:
-        request = Request(scope, receive)
-        run = await wait_for_run(request, self._application, run_id, wait_of(request))
-        reply = await answer_started(request, self._application, run)
-        reply.headers[REPLAYED] = "true"
-        await reply(scope, receive, send)
 
     async def _process_again(self, scope: Scope, receive: Receive, send: Send, earlier: StoredRequest) -> None:
         """Process a repeated cloud with the calibration and the pose of the first request."""

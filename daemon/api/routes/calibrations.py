@@ -33,7 +33,6 @@ from daemon.api.dependencies import (
 from daemon.api.http_errors import InvalidRequest
 from daemon.api.middleware.authentication import caller_of
 from daemon.api.negotiation import or_text, respond, respond_created
-from daemon.api.plain_text import current_text
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.application import Application
@@ -150,7 +149,8 @@ async def current(request: Request, app: App, camera: WithCamera, if_none_match:
     known = [part.strip().removeprefix("W/") for part in (if_none_match or "").split(",")]  # compared weakly
     if tag in known:
         return Response(status_code=304, headers={"ETag": tag, "Vary": "Accept"})
-    return respond(request, document, lambda: current_text(document), headers={"ETag": tag})
+    title = f"calibration {record.id}, applied {applied.applied_at} by {applied.applied_by}"
+    return respond(request, document, lambda: summary(title, record.document), headers={"ETag": tag})
 
 
 @router.get(

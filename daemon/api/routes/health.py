@@ -9,7 +9,7 @@ from daemon.api.dependencies import App, CameraName, ScannerName, api_router
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import ready_text
 from daemon.api.problems import problem_responses
-from daemon.api.readiness import readiness, scanner_readiness
+from daemon.api.readiness import readiness
 from daemon.api.schemas.health import HealthDocument, ReadyDocument
 from daemon.application import Application
 from daemon.config.settings import MAIN_CAMERA
@@ -45,7 +45,8 @@ async def ready(request: Request, app: App, camera: CameraName = None, scanner: 
     if scanner is None:
         document = await readiness(app, app.camera(camera))
     elif camera is None:
-        document = await scanner_readiness(app, scanner)
+        app.scans.settings_of(scanner)  # refuses an unknown one
+        document = await readiness(app, app.camera(app.settings.camera_beside(scanner)), scanner)
     else:
         what = "the scanner's settings name its camera"
         raise DocumentError.one("query", "camera", what, "leave it out, or scanner")

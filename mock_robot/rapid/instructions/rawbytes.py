@@ -24,10 +24,6 @@ _INTEGER_LAYOUTS = MappingProxyType(
 _FLOAT_LAYOUTS = MappingProxyType({None: Struct("<f"), True: Struct(">f")})
 
 
-def clear(task: ProgramTask, raw: Slot, from_index: float | None) -> None:
-    raw.value.clear(1 if from_index is None else integer(from_index))
-
-
 def copy(
     task: ProgramTask, source: Slot, from_index: float, target: Slot, to_index: float, count: float | None
 ) -> None:
@@ -95,7 +91,7 @@ def unpack(
 
 DOES = MappingProxyType(
     {
-        "ClearRawBytes": clear,
+        "ClearRawBytes": lambda task, raw, start: raw.value.clear(1 if start is None else integer(start)),
         "CopyRawBytes": copy,
         "RawBytesLen": lambda task, raw: float(raw.value.length),
         "PackRawBytes": pack,

@@ -27,16 +27,6 @@ def vel_set(task: ProgramTask, override: float, most: float) -> None:
     task.services.unit.override_percent, task.services.unit.max_speed_mm_s = override, most
 
 
-def conf_j(task: ProgramTask, on: bool | None, off: bool | None) -> None:
-    """On is the default; the simulated arm always supervises the configuration."""
-    _set(task, CONF, {0: not off})
-
-
-def sing_area(task: ProgramTask, wrist: bool | None, lock: bool | None, off: bool | None) -> None:
-    """Off is the default; the simulated arm never avoids singularities."""
-    _set(task, SING, {0: bool(wrist), 1: bool(lock)})
-
-
 def _activate(task: ProgramTask, kind: str, slot: Slot) -> None:
     task.services.unit.active[kind] = (slot.name if isinstance(slot, Persistent) else "", slot.value)
 
@@ -83,9 +73,9 @@ def set_sys_data(task: ProgramTask, source: tuple[Type, Slot], object_name: str 
 DOES = MappingProxyType(
     {
         "VelSet": vel_set,
-        "ConfJ": conf_j,
+        "ConfJ": lambda task, on, off: _set(task, CONF, {0: not off}),  # the arm supervises it whatever is set
         "ConfL": lambda task, on, off: _set(task, CONF, {1: not off}),
-        "SingArea": sing_area,
+        "SingArea": lambda task, wrist, lock, off: _set(task, SING, {0: bool(wrist), 1: bool(lock)}),  # never avoided
         "GripLoad": lambda task, load: _activate(task, "loaddata", load),
         "GetSysData": get_sys_data,
         "SetSysData": set_sys_data,

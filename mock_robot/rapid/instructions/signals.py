@@ -34,11 +34,6 @@ def system_info(task: ProgramTask, *switches: bool | None) -> str:
     return asked[0]
 
 
-def runs_on_robot_controller(task: ProgramTask) -> bool:
-    """FALSE on a virtual controller."""
-    return not task.services.devices.virtual
-
-
 def open_(task: ProgramTask, port: str, slot: Slot, binary: bool | None) -> None:
     """A channel for both directions needs \\Bin."""
     if not binary:
@@ -68,10 +63,6 @@ def read_bin(task: ProgramTask, slot: Slot, time: float | None) -> float:
     return float(line.arrived.pop(0))
 
 
-def write_raw_bytes(task: ProgramTask, slot: Slot, raw: Any, count: float | None) -> None:
-    slot.value.send(content_of(raw, count), task.services.wire)
-
-
 def alias_io(task: ProgramTask, source: tuple[Type, Any], alias: tuple[Type, Slot]) -> None:
     """Errors of 3HAC050917: a signal that the controller does not have, or one of another type."""
     kind, value = source
@@ -81,10 +72,6 @@ def alias_io(task: ProgramTask, source: tuple[Type, Any], alias: tuple[Type, Slo
     if SIGNAL_TYPES[signal.kind] != alias[0]:
         raise RapidError("ERR_ALIASIO_TYPE", f"{signal.name} is {signal.kind}, the alias {alias[0].name}")
     alias[1].value = signal
-
-
-def read(task: ProgramTask, signal: Any) -> float:
-    return number_of(signal)
 
 
 def set_do(task: ProgramTask, signal: Slot, value: float) -> None:
@@ -104,18 +91,18 @@ def wait_signal(
 DOES = MappingProxyType(
     {
         "AliasIO": alias_io,
-        "DInput": read,
-        "DOutput": read,
+        "DInput": lambda task, signal: number_of(signal),
+        "DOutput": lambda task, signal: number_of(signal),
         "SetDO": set_do,
         "WaitDO": wait_signal,
         "OpMode": lambda task: MODES[task.services.panel.mode],
         "CSpeedOverride": lambda task, current_task: round(100 * float(task.services.panel.speed_override), 2),
         "GetSysInfo": system_info,
-        "RobOS": runs_on_robot_controller,
+        "RobOS": lambda task: not task.services.devices.virtual,
         "Open": open_,
         "Close": close,
         "ClearIOBuff": clear_buffer,
         "ReadBin": read_bin,
-        "WriteRawBytes": write_raw_bytes,
+        "WriteRawBytes": lambda task, slot, raw, count: slot.value.send(content_of(raw, count), task.services.wire),
     }
 )
