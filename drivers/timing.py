@@ -17,6 +17,12 @@ def shorten_switch_interval() -> None:
     sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH_INTERVAL_S))
 
 
+def retrieve_error(done: "asyncio.Future[Any]") -> None:
+    """Retrieve an error that nobody asks for, or asks for in time, so that asyncio does not log it."""
+    if not done.cancelled():
+        done.exception()
+
+
 @dataclass(frozen=True)
 class Timing:
     """A monotonic clock in seconds, the matching sleep, and random numbers in [0, 1)."""

@@ -1,10 +1,10 @@
 """Names of actors in the audit log: the daemon's own, and which names keys may have beside them."""
 
-import ipaddress
 import re
 import unicodedata
 
 from daemon.runtime.logs import redact_keys
+from drivers.transports.late_address import is_address
 
 DAEMON = "handeyed"
 DRIFT_SCHEDULE = "the drift schedule"
@@ -50,19 +50,11 @@ def validate_key_name(name: str) -> str:
         raise ValueError(f"a name is 1 to {MAX_LENGTH} printable characters with single spaces; choose another")
     if unicodedata.normalize("NFKC", name) != name or not skeleton(name):
         raise ValueError("a name is of Latin letters and digits, which no others imitate; choose another")
-    if imitates_actor(name) or _is_address(name):
+    # The audit log shows a client's address so, with or without a port.
+    like_one = re.fullmatch(r"[0-9a-fx.:%\[\]]*[.:][0-9a-fx.:%\[\]]*", name.casefold())
+    is_one = any(map(is_address, (name, name.rpartition(":")[0], name.strip("[]"))))
+    if imitates_actor(name) or like_one or is_one:
         raise ValueError("the audit log calls another actor so, or an address; choose another")
     if re.fullmatch(r"[0-9a-f]{8}", name) or redact_keys(name) != name:
         raise ValueError("that looks like a key or a key's id; choose another")
     return name
-
-
-def _is_address(name: str) -> bool:
-    """Whether the audit log could show `name` as a client's address, with or without a port."""
-    for host in (name, name.rpartition(":")[0], name.strip("[]")):
-        try:
-            ipaddress.ip_address(host)
-        except ValueError:
-            continue
-        return True
-    return re.fullmatch(r"[0-9a-fx.:%\[\]]*[.:][0-9a-fx.:%\[\]]*", name.casefold()) is not None

@@ -1,6 +1,5 @@
 """Sessions of browsers: a key exchanged for a cookie, whose random token is stored as SHA-256."""
 
-import hashlib
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -62,11 +61,6 @@ class BrowserSession:
         if owner.expires_at is None or owner.expires_at > self.expires_at:
             return self
         return replace(self, expires_at=owner.expires_at)
-
-
-def hash_token(token: str) -> str:
-    """What is stored of a token; it is random, so that a slow hash is not needed."""
-    return hashlib.sha256(token.encode()).hexdigest()
 
 
 def cookie_name(scheme: str) -> str:

@@ -16,6 +16,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from daemon.access.errors import CertificateUnusable
 from daemon.runtime.durable_files import make_folder
+from drivers.transports.late_address import is_address
 from registration.io.durable_file import fsync_path
 
 CERTIFICATE, PRIVATE_KEY, AUTHORITY = "certificate.pem", "private_key.pem", "authority.pem"
@@ -100,15 +101,6 @@ def _usage(*, sign_certificates: bool) -> x509.KeyUsage:
         encipher_only=False,
         decipher_only=False,
     )
-
-
-def is_address(host: str) -> bool:
-    """True for a numeric address, False for a name."""
-    try:
-        ipaddress.ip_address(host)
-    except ValueError:
-        return False
-    return True
 
 
 def _write_new(file: Path, content: bytes, mode: int) -> None:

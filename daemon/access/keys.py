@@ -46,6 +46,7 @@ def new_key(random_hex: RandomHex) -> tuple[str, str, str]:
 
 
 def hash_key(key: str) -> str:
+    """What is stored of a key, or of a session's token; both are random, so that a slow hash is not needed."""
     return hashlib.sha256(key.encode()).hexdigest()
 
 

@@ -31,14 +31,8 @@ def init(
     import socket
     from datetime import UTC, datetime
 
-    from daemon.access.certificates import (
-        AUTHORITY,
-        CERTIFICATE,
-        PRIVATE_KEY,
-        THIS_MACHINE,
-        is_address,
-        make_certificate,
-    )
+    from daemon.access.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY, THIS_MACHINE, make_certificate
+    from drivers.transports.late_address import is_address
 
     hosts = list(dict.fromkeys(host or [socket.gethostname(), socket.getfqdn()]))
     make_certificate(out, hosts, datetime.now(UTC), days)

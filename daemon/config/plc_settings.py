@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from calibration.documents.validation import Document
+from drivers.transports.late_address import is_address
 from protocols.modbus.words import WordOrder
 
 if TYPE_CHECKING:
@@ -21,10 +22,8 @@ def _validate_network(text: str) -> str:
 
 
 def _validate_address(text: str) -> str:
-    try:
-        ipaddress.ip_address(text)
-    except ValueError:
-        raise ValueError("write a numeric address: 127.0.0.1, 0.0.0.0, ::") from None
+    if not is_address(text):
+        raise ValueError("write a numeric address: 127.0.0.1, 0.0.0.0, ::")
     return text
 
 

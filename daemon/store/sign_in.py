@@ -9,11 +9,10 @@ from daemon.access.browser_sessions import (
     TOKEN_BYTES,
     BrowserSession,
     RandomToken,
-    hash_token,
     timestamp_of,
 )
 from daemon.access.errors import KeyMissing, PairingRefused, RoleTooLow, TooManyAttempts
-from daemon.access.keys import KeyRecord
+from daemon.access.keys import KeyRecord, hash_key
 from daemon.access.pairing import MAX_PAIRING_S, AttemptLimit, Pairing, PairingCodes
 from daemon.access.roles import ROLES, Caller, Role
 from daemon.errors import StorageError
@@ -82,7 +81,7 @@ class SignIn:
 
     async def find(self, token: str) -> tuple[BrowserSession, KeyRecord]:
         """The session of a token and its key. Raises KeyMissing when either is not valid, StorageError."""
-        session = (await self.sessions.all()).get(hash_token(token))
+        session = (await self.sessions.all()).get(hash_key(token))
         now = self.clock.timestamp()
         if session is None or not session.valid(now):
             raise KeyMissing("this session has ended")
@@ -105,7 +104,7 @@ class SignIn:
 
     async def end(self, token: str, context: AuditContext) -> None:
         """End the session of a token. Raises StorageError."""
-        await self.sessions.end(hash_token(token), self.clock.timestamp(), context)
+        await self.sessions.end(hash_key(token), self.clock.timestamp(), context)
 
     async def _begin(
         self,
@@ -118,7 +117,7 @@ class SignIn:
         token, now = self.random_token(TOKEN_BYTES), self.clock.timestamp()
         ends = timestamp_of(self.clock.utc_now(), MAX_SESSION_S)
         session = BrowserSession(
-            hash_token(token), key.id, role.word, now, ends, now, peer,
+            hash_key(token), key.id, role.word, now, ends, now, peer,
             paired=pairing is not None, parent=None if parent is None else parent.hash,
         ).limited_by(parent or key).limited_by(key)  # fmt: skip
         await self.sessions.begin(session, key.name)

@@ -1,12 +1,11 @@
 """GigE Vision and USB3 Vision cameras of any vendor over aravis 0.8 (Debian's libaravis-0.8-0)."""
 
-import ipaddress
-
 import numpy as np
 
 from drivers.cameras.genicam.aravis_library import Aravis, Handle
 from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError
 from drivers.errors import DeviceTaken
+from drivers.transports.late_address import is_address
 
 BUFFERS = 4
 PROTOCOLS = ("GigEVision", "USB3Vision")
@@ -26,14 +25,14 @@ class AravisLibrary:
         aravis.update_device_list()
         places = range(aravis.get_n_devices())
         found = [_found(aravis, place) for place in places if aravis.device_text(place, "protocol") in PROTOCOLS]
-        if _is_ip(self._name) and not any(camera.is_named(self._name) for camera in found):
+        if is_address(self._name) and not any(camera.is_named(self._name) for camera in found):
             found.append(FoundCamera("", "camera", "unknown", self._name, self._name))
         return found
 
     def open(self, camera: FoundCamera) -> "OpenAravisCamera":
         """Open for control. Raises DeviceTaken, LibraryMissing, VendorError."""
         aravis = Aravis()
-        key = camera.address if _is_ip(camera.address) else camera.key
+        key = camera.address if is_address(camera.address) else camera.key
         opened = OpenAravisCamera(aravis, aravis.call("camera_new", key.encode()))
         if opened.is_lost():
             opened.close()
@@ -125,11 +124,3 @@ def _found(aravis: Aravis, place: int) -> FoundCamera:
         aravis.device_text(place, what) for what in ("vendor", "model", "serial_nbr", "address", "id")
     )
     return FoundCamera(vendor, model, serial, address, key)
-
-
-def _is_ip(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True

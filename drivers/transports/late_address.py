@@ -1,10 +1,11 @@
-"""Listen at an address that this machine gets later: after a power cut the network is often up after the daemon.
+"""Numeric addresses, and listening before one is there: after a power cut the network is often up after the daemon.
 
 Linux lets a socket be bound to such an address (IP_FREEBIND, ip(7)); it receives from when the address is there.
 """
 
 import ipaddress
 import socket
+from contextlib import suppress
 
 IP_FREEBIND = 15
 IPV6_FREEBIND = 78
@@ -15,10 +16,17 @@ def allow_late_address(unbound: socket.socket) -> None:
     """Let `unbound` be bound to an address that is not here yet; does nothing on another system than Linux."""
     six = unbound.family == socket.AF_INET6
     level, option = (socket.IPPROTO_IPV6, IPV6_FREEBIND) if six else (socket.IPPROTO_IP, IP_FREEBIND)
-    try:
+    with suppress(OSError):
         unbound.setsockopt(level, option, 1)
-    except OSError:
-        return
+
+
+def is_address(host: str) -> bool:
+    """True for a numeric address, False for a name."""
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True
 
 
 def is_here(host: str) -> bool:

@@ -95,9 +95,9 @@ class MotionUnit:
         return self._order is not None and self._order.reachable_fraction < 1.0
 
     def arrives_in_s(self) -> float:
-        """Wire time until `arrived` should be checked again."""
+        """Wire time until `has_arrived` should be checked again."""
         order = self._order
-        return self.stands_in_s() if order is not None and order.departed else POLL_S
+        return self._wire_s_until(self.cabinet.arm.end_s) if order is not None and order.departed else POLL_S
 
     def stop(self, by: str) -> None:
         """StopMove of a task."""
@@ -146,19 +146,17 @@ class MotionUnit:
     def is_moving(self) -> bool:
         return self.cabinet.arm.is_moving_at(self.now_s())
 
-    def stands_in_s(self) -> float:
-        """Wire time to the end of the motion; at most a second, since it may change."""
-        return min(max(self.cabinet.arm.end_s - self.now_s(), 0.0) / self.time_scale + 1e-4, 1.0)
-
     def is_settled(self, seconds: float, since_s: float) -> bool:
         """Whether the arm has stood still for `seconds` of its own time, counted from `since_s` at the earliest."""
         return self.cabinet.settles and self.now_s() >= self._standstill_since_s(seconds, since_s)
 
     def settles_in_s(self, seconds: float, since_s: float) -> float:
-        """Wire time until `settled` should be checked again."""
-        if not self.cabinet.settles:
-            return POLL_S
-        return min(max(self._standstill_since_s(seconds, since_s) - self.now_s(), 0.0) / self.time_scale + 1e-4, 1.0)
+        """Wire time until `is_settled` should be checked again."""
+        return self._wire_s_until(self._standstill_since_s(seconds, since_s)) if self.cabinet.settles else POLL_S
+
+    def _wire_s_until(self, at_s: float) -> float:
+        """Wire time to then on the arm's clock; at most a second, since the motion may change."""
+        return min(max(at_s - self.now_s(), 0.0) / self.time_scale + 1e-4, 1.0)
 
     def _standstill_since_s(self, seconds: float, since_s: float) -> float:
         return max(self.cabinet.arm.end_s, since_s) + seconds

@@ -64,12 +64,8 @@ class Mastership:
         """Take everything at the pendant."""
         self._holders = dict.fromkeys(DOMAINS, PENDANT)
 
-    def give_back_locally(self) -> None:
-        """Release everything held at the pendant."""
-        self._holders = {domain: holder for domain, holder in self._holders.items() if holder is not PENDANT}
-
     def release_all(self, session: Session) -> None:
-        """Release what a closed session held."""
+        """Release what a session held that is closed, or the pendant."""
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder is not session}
         self.cancel_consent(session)
 

@@ -5,7 +5,7 @@ from datetime import timedelta
 
 import numpy as np
 
-from calibration.transforms import quaternion_from_rotation
+from calibration.transforms import Array, quaternion_from_rotation
 from mock_robot.cabinet.disk import RAMDISK_PATH
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import Item, Reply
@@ -63,12 +63,12 @@ def execution(context: RequestContext, parts: Parts) -> Reply:
 
 
 def robtarget(context: RequestContext, parts: Parts) -> Reply:
-    position, quaternion = _pose(context, parts)
+    pose = _pose(context, parts)
     axes_now = context.world.cabinet.robtarget_axes(context.world.robot_s)
     axes = [format_axis(axis, UNUSED[context.version]) for axis in axes_now]
     spellings = ("eax_", "eax") if context.version == 1 else ("eax_",)
     values = {
-        **_name_components(position, quaternion),
+        **pose,
         **_configuration(context, ("cf1", "cf4", "cf6", "cfx")),
         **{name + letter: axis for name in spellings for letter, axis in zip(AXES, axes, strict=True)},
     }
@@ -76,8 +76,7 @@ def robtarget(context: RequestContext, parts: Parts) -> Reply:
 
 
 def cartesian(context: RequestContext, parts: Parts) -> Reply:
-    position, quaternion = _pose(context, parts)
-    values = {**_name_components(position, quaternion), **_configuration(context, CONFIGURATION[context.version])}
+    values = {**_pose(context, parts), **_configuration(context, CONFIGURATION[context.version])}
     return Reply(items=[Item("ms-mechunit-cartesian", "cartesian", values)])
 
 
@@ -123,10 +122,9 @@ def mechunit(context: RequestContext, parts: Parts) -> Reply:
 
 def base_frame(context: RequestContext, parts: Parts) -> Reply:
     _require_mechunit(parts)
-    names = ("x", "y", "z", "q1", "q2", "q3", "q4")
     frame = context.world.cabinet.world_T_base
-    numbers = [format_float(float(v)) for v in (*frame[:3, 3], *quaternion_from_rotation(frame[:3, :3]))]
-    return Reply(items=[Item("ms-mechunit-baseframe", "baseframe", dict(zip(names, numbers, strict=True)))])
+    values = _name_components(frame[:3, 3], quaternion_from_rotation(frame[:3, :3]))
+    return Reply(items=[Item("ms-mechunit-baseframe", "baseframe", values)])
 
 
 def grants(context: RequestContext, parts: Parts) -> Reply:
@@ -284,8 +282,8 @@ def _require_mechunit(parts: Parts) -> None:
         raise RwsRefused(NO_RESOURCE)
 
 
-def _pose(context: RequestContext, parts: Parts) -> tuple[list[str], list[str]]:
-    """Formatted position and quaternion. Tool and work object default to those selected at the pendant."""
+def _pose(context: RequestContext, parts: Parts) -> dict[str, str]:
+    """Position and quaternion by name. Tool and work object default to those selected at the pendant."""
     _require_mechunit(parts)
     query, selected = context.asked.query, context.world.selection
     try:
@@ -294,11 +292,11 @@ def _pose(context: RequestContext, parts: Parts) -> tuple[list[str], list[str]]:
         )
     except KeyError as unknown:
         raise RwsRefused(BAD_ARGUMENT, f"Unknown tool, work object or coordinate system {unknown}") from None
-    return [format_float(value) for value in position], [format_float(value) for value in quaternion]
+    return _name_components(position, quaternion)
 
 
-def _name_components(position: list[str], quaternion: list[str]) -> dict[str, str]:
-    return dict(zip(("x", "y", "z", "q1", "q2", "q3", "q4"), [*position, *quaternion], strict=True))
+def _name_components(position: Array, quaternion: Array) -> dict[str, str]:
+    return dict(zip(("x", "y", "z", "q1", "q2", "q3", "q4"), map(format_float, [*position, *quaternion]), strict=True))
 
 
 def _configuration(context: RequestContext, names: tuple[str, str, str, str]) -> dict[str, str]:

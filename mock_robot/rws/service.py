@@ -17,6 +17,7 @@ from starlette.websockets import WebSocket
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.documents import JSON_1, JSON_2, XHTML_1, XHTML_2, Encoding, subscription_created
 from mock_robot.rws.exchange import DONE, Reply, RwsRequest, parse
+from mock_robot.rws.mastership import PENDANT
 from mock_robot.rws.refusals import GONE, NO_RESOURCE, NOT_ACCEPTABLE, UNSUPPORTED_MEDIA, RwsRefused
 from mock_robot.rws.routes import answer_request
 from mock_robot.rws.sessions import Session, Sessions, SessionsExhausted
@@ -134,11 +135,11 @@ class Service:
             self.sessions.end_all()
             self.sessions.fill_up(now_s)
         else:
-            self.sessions.empty_of("somebody else")
+            self.sessions.end_all("somebody else")
         if faults.is_on("rws-mastership-held"):
             self.world.mastership.take_locally()
         else:
-            self.world.mastership.give_back_locally()
+            self.world.mastership.release_all(PENDANT)
         if faults.is_on("rws-subscription-gone"):
             self.subscriptions.forget(silently=True)
         self.polls.nudge()

@@ -70,11 +70,6 @@ class Sessions:
         while len(self._open) < MAX_SESSIONS:
             self.open("somebody else", now_s)
 
-    def empty_of(self, user: str) -> None:
-        """End all sessions of a user."""
-        for session in [each for each in self._open if each.user == user]:
-            self.end(session)
-
     def wait_s(self, session: Session, now_s: float) -> float:
         """Delay of this request in seconds. Raises SessionsExhausted when it would be too long."""
         refill = max(now_s - session.seen_s, 0.0) * REQUESTS_PER_S
@@ -91,8 +86,9 @@ class Sessions:
             self._open.remove(session)
             self.on_end(session)
 
-    def end_all(self) -> None:
-        for session in list(self._open):
+    def end_all(self, user: str | None = None) -> None:
+        """End all sessions, or those of a user."""
+        for session in [each for each in self._open if user in (None, each.user)]:
             self.end(session)
 
     def _end_idle_sessions(self, now_s: float) -> None:

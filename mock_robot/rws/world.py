@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from calibration.transforms import Array, inverse, quaternion_from_rotation
+from calibration.transforms import Array, inverse, quaternion_from_rotation, transform
 from mock_robot.cabinet.cabinet import Cabinet, LogEntry
 from mock_robot.cabinet.panel import Mode
 from mock_robot.faults.board import FaultBoard
@@ -194,6 +194,4 @@ class World:
 
 
 def _shift_z(z_mm: float) -> Array:
-    shift = np.eye(4)
-    shift[2, 3] = z_mm
-    return shift
+    return transform(np.eye(3), [0.0, 0.0, z_mm])

@@ -116,13 +116,7 @@ def _doubles_by_field(data: bytes, count: int) -> list[float]:
 def _double_list(data: bytes) -> tuple[float, ...]:
     """Doubles of field 1, repeated singly or packed."""
     at_once = doubles_by_tags(data, (1,) * (len(data) // 9))
-    if at_once is not None:
-        return at_once
-    values: list[float] = []
-    for number, value in fields(data):
-        if number == 1:
-            values += doubles(value) if isinstance(value, bytes) else [float(value)]
-    return tuple(values)
+    return _numbers(data, only=1) if at_once is None else at_once
 
 
 def encode(sample: RobotSample) -> bytes:
@@ -187,9 +181,7 @@ def _bytes(value: Value | None) -> bytes:
     return value if isinstance(value, bytes) else b""
 
 
-def _numbers(data: bytes) -> tuple[float, ...]:
-    """Doubles in the order of their fields, repeated singly or packed."""
-    values: list[float] = []
-    for _, value in fields(data):
-        values += doubles(value) if isinstance(value, bytes) else [float(value)]
-    return tuple(values)
+def _numbers(data: bytes, only: int | None = None) -> tuple[float, ...]:
+    """Doubles in the order of their fields, repeated singly or packed; `only`: of that field alone."""
+    values = (value for number, value in fields(data) if only in (None, number))
+    return tuple(x for value in values for x in (doubles(value) if isinstance(value, bytes) else (float(value),)))

@@ -2,7 +2,7 @@
 
 The part stands still in the anchor: the base, or the flange before a standing camera. View i stands there at motion_i @
 anchor_T_mount_i @ X @ exp(d). A change d of X moves view i by Ad(anchor_T_camera_i) d, so the information each pair has
-about its two views (`fusion.pair_information`) is also about X. The robot's accuracy is the prior of each motion_i as
+about its two views (`fusion.pose_adjustment`) is also about X. The robot's accuracy is the prior of each motion_i as
 in `fusion.pose_adjustment`. X has no prior: where neither surfaces nor motions determine it, its covariance shows this
 and it is refused.
 

@@ -11,6 +11,7 @@ from calibration.sentences.sentence import Sentence
 from daemon.application import Application
 from daemon.http.connections import PACING
 from daemon.model.records import RunRecord
+from drivers.timing import retrieve_error
 
 ABORT_PATH = re.compile(r"/runs/([^/]{1,64})/abort")
 
@@ -34,7 +35,7 @@ class AbortFirst:
             run = supervisor.in_progress
             ending = supervisor.abort(path[1], Sentence("by-rest"))
             abort = asyncio.create_task(ending, name=f"aborts {path[1]}")
-            abort.add_done_callback(_retrieve)
+            abort.add_done_callback(retrieve_error)
             if run is not None and run.id == path[1] and pacing is not None:
                 pacing.hold()
                 abort.add_done_callback(lambda _: pacing.release())
@@ -46,9 +47,3 @@ def abort_of(request: Request) -> Awaitable[RunRecord]:
     """The aborted run. Raises RunOver, StopUnconfirmed, NotFound."""
     abort: asyncio.Task[RunRecord] = request.scope["state"]["abort"]
     return asyncio.shield(abort)
-
-
-def _retrieve(abort: "asyncio.Task[RunRecord]") -> None:
-    """Retrieve an error that no route asks for, so that asyncio does not log it."""
-    if not abort.cancelled():
-        abort.exception()

@@ -8,7 +8,7 @@ from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, Garble
 from drivers.interfaces import LinkHealth, MoveGoal, Standstill
 from drivers.robot_wrapper import RobotWrapper
 from drivers.robots.abb.rws.robot import RwsRobot
-from drivers.timing import Timing
+from drivers.timing import Timing, retrieve_error
 
 log = logging.getLogger(__name__)
 
@@ -53,7 +53,7 @@ class RedundantStop(RobotWrapper):
     async def stop_and_disarm(self) -> None:
         """Over the robot's own link, and over the second way when that fails or is late. Raises DeviceError."""
         own = asyncio.ensure_future(self.robot.stop_and_disarm())
-        own.add_done_callback(_retrieve)
+        own.add_done_callback(retrieve_error)
         if await self._timing.wait_until_done(own, OWN_LIMIT_S) and own.exception() is None:
             return
         try:
@@ -82,9 +82,3 @@ class RedundantStop(RobotWrapper):
             await self.second.stop_and_disarm()
         except DeviceError as error:
             log.warning("stopping the second way: %s", error)
-
-
-def _retrieve(own: "asyncio.Future[None]") -> None:
-    """Retrieve a late error, so that asyncio does not log it."""
-    if not own.cancelled():
-        own.exception()
