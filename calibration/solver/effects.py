@@ -24,8 +24,8 @@ from calibration.transforms import Array, inverse, map_points
 PROBABILITY = 0.05
 """Prior probability of each."""
 
-MIN_TELLING_VIEWS = 12
-"""From here on pictures alone tell of tangential distortion (`find_deviations`); errors of the arm may look like it."""
+MIN_SHOWING_VIEWS = 12
+"""From here on pictures alone show tangential distortion (`find_deviations`); an arm's errors may look like it."""
 
 MIN_SIGMAS = 1.5
 """Least size of an effect in its standard deviations; of a smaller one the evidence is not asked."""
@@ -107,7 +107,7 @@ def take_up_effects(prepared: PreparedSession, selection: Selection) -> tuple[Pr
 def _alternatives(prepared: PreparedSession, camera: CameraModel) -> Iterator[Alternative]:
     """Those with one effect more, by their prior probability."""
     nuisances, seen = prepared.nuisances, prepared.seen
-    if nuisances.knows_tangential and len(seen) < MIN_TELLING_VIEWS:
+    if nuisances.knows_tangential and len(seen) < MIN_SHOWING_VIEWS:
         session = replace(prepared, nuisances=nuisances.with_tangential())
         yield Alternative(session, TANGENTIAL[0], len(TANGENTIAL), PROBABILITY)
     for kind in KINDS:
