@@ -142,11 +142,12 @@ def _solve_in_space(problem: Problem) -> Solution:
     return replace(found.solution, findings=(*found.solution.findings, *causes))
 
 
-def estimate_session(problem: Problem) -> SessionEstimate:
+def estimate_session(problem: Problem, *, with_effects: bool = True) -> SessionEstimate:
     """The estimate of a session of images. Raises UndeterminedError.
 
-    From the best closed form of the views that agree; then with the target's shape, with errors of the robot that
-    follow its pose, and with its covariance widened by what all views may share.
+    From the best closed form of the views that agree; then with the target's shape, with rare effects, with errors of
+    the robot that follow its pose, and with its covariance widened by what all views may share. Errors of an arm may
+    look like such effects: its identification leaves them out (`with_effects`).
     """
     prepared = prepare_at_seen_lens(problem)
     used = agreeing_rows(prepared)
@@ -156,8 +157,10 @@ def estimate_session(problem: Problem) -> SessionEstimate:
     estimate = SessionEstimate(prepared, start, select_views(prepared, used, start.chain, start.variances, prepared.z))
     if estimate.prepared.shaped and problem.camera is None:
         estimate = _with_target_shape(estimate, problem.knowledge)
-    prepared, selection, more = take_up_effects(estimate.prepared, estimate.selection)
-    estimate = replace(estimate, prepared=prepared, selection=selection)
+    more = np.zeros((12, 12))
+    if with_effects:
+        prepared, selection, more = take_up_effects(estimate.prepared, estimate.selection)
+        estimate = replace(estimate, prepared=prepared, selection=selection)
     trend = fit_trend(estimate.best)
     if trend is not None and trend.significant:
         best = estimate.best

@@ -87,6 +87,8 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
     drop = set[str]()
     if any(f.code == "pictures-turned" for f in found):
         drop |= {"board-turned"}
+    if prepared is not None and prepared.nuisances.effects:
+        found = tuple(f for f in found if f.code != "wrong-pitch")  # the solver weighs a size against the effect
     if any(_gives_another_size(f) for f in found):
         # Seen through another lens, or with corners numbered otherwise, a target has another size, or a lens seems to.
         drop |= {"target-scale", *LENS_DEVIATIONS}
@@ -152,7 +154,8 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
         as_given = _diagnosis_findings(problem, given, used, point)
         if any(finding.code in FLIPPED for finding in as_given):
             return as_given  # such pictures bend the estimate of lens and target
-    misfit = None if problem.camera is None else _lens_misfit(problem, prepared, poses)
+    explained = problem.camera is None or prepared.nuisances.effects  # these change the pictures as another lens does
+    misfit = None if explained else _lens_misfit(problem, prepared, poses)
     if misfit is None:
         return _diagnosis_findings(problem, found, used, point)
     as_found = _diagnosis_findings(problem, found, used, point)

@@ -62,7 +62,8 @@ class Observations:
         return Observations(*(array[chosen] for array in vars(self).values()))
 
     def joined(self, others: "Observations") -> "Observations":
-        """These views and others of the same session after them."""
+        """These views and others of the same session, without effects, after them."""
+        others = replace(others, effects=np.zeros((*others.ids.shape, *self.effects.shape[2:])))
         pairs = zip(vars(self).values(), vars(others).values(), strict=True)
         return Observations(*(np.concatenate(pair) for pair in pairs))
 

@@ -6,6 +6,7 @@ uncertainty by its probability where it is not.
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,7 +28,7 @@ PROBABILITY = 0.05
 MIN_SHOWING_VIEWS = 12
 """From here on pictures alone show tangential distortion (`find_deviations`); an arm's errors may look like it."""
 
-MIN_SIGMAS = 1.5
+MIN_SIGMAS = 0.5
 """Least size of an effect in its standard deviations; of a smaller one the evidence is not asked."""
 
 GLASS_INDEX = 1.5
@@ -59,18 +60,19 @@ def glass(camera: CameraModel, camera_T_target: Array, points_mm: Array) -> Arra
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of effect by the `code` and `fix` of its finding, and its size if it is there."""
+    """A kind of effect by the `code` and `fix` of its finding, and its size if it is there; above 0 if `one_sided`."""
 
     code: str
     fix: str
     sigma_mm: float
+    one_sided: bool
     moved: Callable[[CameraModel, Array, Array], Array]
     """By a camera, poses camera_T_target (n, 4, 4) and points (n, m, 3): their displacements, on the target."""
 
 
 KINDS = (
-    Kind("lens-refocuses", "switch-autofocus-off", 20.0, refocusing),
-    Kind("target-below-glass", "uncover-target", 5.0, glass),
+    Kind("lens-refocuses", "switch-autofocus-off", 20.0, False, refocusing),
+    Kind("target-below-glass", "uncover-target", 5.0, True, glass),
 )
 
 
@@ -85,6 +87,7 @@ class Alternative:
     place: int
     more: int
     probability: float
+    one_sided: bool = False
     wider: Array = field(default_factory=lambda: np.zeros((12, 12)))
 
     def start(self, z: Array) -> Array:
@@ -118,7 +121,7 @@ def _alternatives(prepared: PreparedSession, camera: CameraModel) -> Iterator[Al
                 nuisances=nuisances.with_effect(kind.code, kind.sigma_mm),
                 seen=replace(seen, effects=np.concatenate([seen.effects, moved], axis=-1)),
             )
-            yield Alternative(session, len(nuisances), 1, PROBABILITY)
+            yield Alternative(session, len(nuisances), 1, PROBABILITY, kind.one_sided)
 
 
 def _weigh(prepared: PreparedSession, selection: Selection) -> list[Alternative]:
@@ -131,17 +134,22 @@ def _weigh(prepared: PreparedSession, selection: Selection) -> list[Alternative]
         model = linearise(pixels, best.chain, session.nuisances, z)
         return model, estimate_variances(model, best.variances)
 
-    for one in _alternatives(prepared, best.camera):
+    def weighed(one: Alternative) -> Alternative | None:
+        nonlocal fixed
         model = model_of(one.prepared, one.start(best.z))
         step, at = solve(*model), 12 + one.place + np.arange(one.more)
         size, covariance = step.b[at], step.covariance[np.ix_(at, at)]
-        if squared_distances(size, covariance) < one.more * MIN_SIGMAS**2 or (one.more == 1 and size[0] < 0):
-            continue  # glass does not lift what is below it, and no autofocus lengthens f with the distance
+        if squared_distances(size, covariance) < one.more * MIN_SIGMAS**2 or (one.one_sided and size[0] < 0):
+            return None
         fixed = fixed or marginalise(*model_of(prepared, best.z), prepared.belief)
         moving = marginalise(*model, prepared.belief)
         odds = np.log(one.probability / (1 - one.probability)) + moving.log_evidence - fixed.log_evidence
         probability = float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))
         shift = moving.b[:12] - fixed.b[:12]
-        wider = moving.covariance[:12, :12] - fixed.covariance[:12, :12] + np.outer(shift, shift)
-        found.append(replace(one, probability=probability, wider=probability * wider))
+        wider, along = np.linalg.eigh(moving.covariance[:12, :12] - fixed.covariance[:12, :12] + np.outer(shift, shift))
+        return replace(one, probability=probability, wider=probability * (along * np.maximum(wider, 0.0)) @ along.T)
+
+    for one in _alternatives(prepared, best.camera):
+        with suppress(np.linalg.LinAlgError, ArithmeticError):  # what cannot be computed is not taken up
+            found += [alternative] if (alternative := weighed(one)) else []
     return sorted(found, key=lambda one: -one.probability)

@@ -143,7 +143,7 @@ def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Seque
     """
     load, found = _load_of(arm, problems), []
     for problem in problems:
-        alone = estimate_session(_with_own_joints(arm, problem))
+        alone = estimate_session(_with_own_joints(arm, problem), with_effects=False)
         seen, at = TargetViews(alone.prepared, alone.selection.used, alone.best), alone.prepared.seen.positions
         stood = np.array([view.stance.joints_rad for view in problem.views])
         celsius = np.array([view.arm_temperature_c for view in problem.views], float)  # NaN where it is not known

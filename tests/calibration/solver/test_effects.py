@@ -7,8 +7,8 @@ import pytest
 
 from calibration.camera import CameraModel
 from calibration.preprocessing.prepare import prepare
-from calibration.problem import Setup
-from calibration.solve import estimate_hand_eye, estimate_session
+from calibration.problem import Detection, Setup
+from calibration.solve import estimate_hand_eye, estimate_session, solve_hand_eye
 from calibration.solver.effects import KINDS, glass, refocusing
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from tests.simulated.described_wrongly import CAMERA, FAULTS, HIGH, LOW, Wrong, through_glass, wrong_session
@@ -49,6 +49,35 @@ def test_points_below_glass_rise_as_snell_s_law_has_it() -> None:
         seen = CAMERA.project(map_points(pose, GRID_MM + 3.0 * rise))
         expected = CAMERA.project(through_glass(Wrong(glass_mm=3.0), pose, GRID_MM))
         assert np.abs(seen - expected).max() < 0.05
+
+
+@pytest.mark.parametrize("fault", ["autofocus", "glass 5 mm"])
+@pytest.mark.parametrize("spoil", ["renumbered", "blurred"])
+def test_one_odd_picture_beside_an_effect_is_left_out_or_renumbered(fault: str, spoil: str) -> None:
+    rng = np.random.default_rng(1)
+    session = wrong_session(rng, 10, FAULTS[fault], LOW, "eye-in-hand", "planned")
+    odd = session.problem.views[3]
+    assert odd.detection is not None
+    ids, corners = odd.detection.ids, odd.detection.corners_px
+    other = (
+        Detection(ids[::-1], corners)
+        if spoil == "renumbered"
+        else Detection(ids, corners + 60 * rng.normal(size=corners.shape))
+    )
+    views = tuple(replace(view, detection=other) if view is odd else view for view in session.problem.views)
+    solution = solve_hand_eye(replace(session.problem, views=views))
+    assert solution.mount_T_camera is not None
+    assert np.linalg.norm((solution.mount_T_camera - session.mount_T_camera)[:3, 3]) < 1.0
+
+
+def test_a_focal_length_that_grows_with_the_distance_is_found() -> None:
+    session = wrong_session(np.random.default_rng(3), 8, Wrong(autofocus_mm=-8.0), LOW, "eye-in-hand", "planned")
+    solution = solve_hand_eye(session.problem)
+    codes = {finding.code: finding.severity for finding in solution.findings}
+    assert codes.pop("lens-refocuses") == "warning"
+    assert "error" not in codes.values()
+    assert solution.mount_T_camera is not None
+    assert np.linalg.norm((solution.mount_T_camera - session.mount_T_camera)[:3, 3]) < 0.5
 
 
 def test_robot_and_pictures_show_tangential_distortion_that_three_pictures_alone_do_not() -> None:

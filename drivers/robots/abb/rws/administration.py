@@ -167,8 +167,8 @@ class RwsAdministration:
         for _ in range(int(BACKUP_LIMIT_S / BACKUP_POLL_S)):
             values = await self.read_first(progress) if progress else {}
             if values.get("state") == "ready":
-                code = str(values.get("code", "0"))
-                if code.isdecimal() and len(code) < 10:
+                code = str(values.get("code") or "0")
+                if code.isdecimal() and int(code) < 1 << 31:
                     return
                 # An HRESULT: an error is negative, or above 2**31 where it is written without a sign.
                 raise RequestRefused(self.device, f"the backup {name} failed ({code})", BACKUP_FIX)
