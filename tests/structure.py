@@ -19,8 +19,8 @@ ROOMS = (*CORE, "extensions", "gateways")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 14, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 93_189,
-    "lines of Python with the extensions": 98_719,
+    "lines of Python of the core": 93_187,
+    "lines of Python with the extensions": 98_717,
     "lines of Python of the gateways": 1_322,
     "files of the fullest folder": 43,
     "private functions used once": 672,

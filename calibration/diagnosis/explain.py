@@ -154,9 +154,9 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
         as_given = _diagnosis_findings(problem, given, used, point)
         if any(finding.code in FLIPPED for finding in as_given):
             return as_given  # such pictures bend the estimate of lens and target
-    explained = problem.camera is None or prepared.nuisances.effects  # these change the pictures as another lens does
-    misfit = None if explained else _lens_misfit(problem, prepared, poses)
-    if misfit is None:
+    misfit = None if problem.camera is None else _lens_misfit(problem, prepared, poses)
+    # Effects change the pictures as a slightly different lens does.
+    if misfit is None or (prepared.nuisances.effects and misfit.share <= MAX_STEP_SHARE):
         return _diagnosis_findings(problem, found, used, point)
     as_found = _diagnosis_findings(problem, found, used, point)
     if not misfit.significant and not as_found:

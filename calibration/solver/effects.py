@@ -60,19 +60,18 @@ def glass(camera: CameraModel, camera_T_target: Array, points_mm: Array) -> Arra
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of effect by the `code` and `fix` of its finding, and its size if it is there; above 0 if `one_sided`."""
+    """A kind of effect by the `code` and `fix` of its finding, and its size if it is there, above 0."""
 
     code: str
     fix: str
     sigma_mm: float
-    one_sided: bool
     moved: Callable[[CameraModel, Array, Array], Array]
     """By a camera, poses camera_T_target (n, 4, 4) and points (n, m, 3): their displacements, on the target."""
 
 
 KINDS = (
-    Kind("lens-refocuses", "switch-autofocus-off", 20.0, False, refocusing),
-    Kind("target-below-glass", "uncover-target", 5.0, True, glass),
+    Kind("lens-refocuses", "switch-autofocus-off", 20.0, refocusing),
+    Kind("target-below-glass", "uncover-target", 5.0, glass),
 )
 
 
@@ -87,7 +86,6 @@ class Alternative:
     place: int
     more: int
     probability: float
-    one_sided: bool = False
     wider: Array = field(default_factory=lambda: np.zeros((12, 12)))
 
     def start(self, z: Array) -> Array:
@@ -121,7 +119,7 @@ def _alternatives(prepared: PreparedSession, camera: CameraModel) -> Iterator[Al
                 nuisances=nuisances.with_effect(kind.code, kind.sigma_mm),
                 seen=replace(seen, effects=np.concatenate([seen.effects, moved], axis=-1)),
             )
-            yield Alternative(session, len(nuisances), 1, PROBABILITY, kind.one_sided)
+            yield Alternative(session, len(nuisances), 1, PROBABILITY)
 
 
 def _weigh(prepared: PreparedSession, selection: Selection) -> list[Alternative]:
@@ -139,8 +137,8 @@ def _weigh(prepared: PreparedSession, selection: Selection) -> list[Alternative]
         model = model_of(one.prepared, one.start(best.z))
         step, at = solve(*model), 12 + one.place + np.arange(one.more)
         size, covariance = step.b[at], step.covariance[np.ix_(at, at)]
-        if squared_distances(size, covariance) < one.more * MIN_SIGMAS**2 or (one.one_sided and size[0] < 0):
-            return None
+        if squared_distances(size, covariance) < one.more * MIN_SIGMAS**2 or (one.more == 1 and size[0] < 0):
+            return None  # glass does not lift what is below it; most lenses lengthen f when they focus nearer
         fixed = fixed or marginalise(*model_of(prepared, best.z), prepared.belief)
         moving = marginalise(*model, prepared.belief)
         odds = np.log(one.probability / (1 - one.probability)) + moving.log_evidence - fixed.log_evidence
