@@ -77,7 +77,7 @@ KINDS = (
 
 @dataclass(frozen=True, eq=False)
 class Alternative:
-    """A session with more unknowns, of which z from `place` on are `more`; its `probability`.
+    """A session with more unknowns, of which z from `place` on are `more`; its `probability`, first the prior one.
 
     `wider` (12, 12): what it adds to the covariance of X and the target's pose where it is not taken up.
     """
