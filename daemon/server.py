@@ -222,6 +222,12 @@ class Server(uvicorn.Server):
             self._application.systemd.notify("READY=1")
             self._announce(self.url())
 
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Like uvicorn's, then wait for the requests that it cancelled: their threads and files end with them."""
+        await super().shutdown(sockets)
+        if cancelled := list(self.server_state.tasks):
+            await asyncio.wait(cancelled, timeout=GRACE_S)
+
     def _protocol(self, pending: PendingConnection) -> asyncio.BaseProtocol:
         return limited_connection(
             self._limiter, pending, config=self.config, server_state=self.server_state, app_state=self.lifespan.state
