@@ -174,7 +174,9 @@ def _place(location: tuple[int | str, ...]) -> str:
 
 
 def _shown(value: Any) -> str:
-    """`value` as Python writes it, in at most MAX_NAME_LENGTH characters."""
+    """`value` as Python writes it, but null, true and false as JSON, in at most MAX_NAME_LENGTH characters."""
+    if value is None or isinstance(value, bool):
+        return json.dumps(value)
     abbreviated = reprlib.Repr()
     abbreviated.maxstring = abbreviated.maxlong = abbreviated.maxother = 2 * MAX_NAME_LENGTH
     return shortened(abbreviated.repr(value))

@@ -5,11 +5,12 @@ import pathlib
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Annotated, Any, Generic, TypeVar
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.routing import APIRoute
-from pydantic import BaseModel, BeforeValidator
+from pydantic import AfterValidator, BaseModel, BeforeValidator
 
 from calibration.documents.validation import (
     MAX_PROBLEMS,
@@ -98,13 +99,27 @@ Limit = Annotated[int, Query(ge=1, le=500, description="how many at most"), IN_W
 Before = Annotated[
     str | None, Query(min_length=1, max_length=64, description="cursor: the last id of the page before; see `next`")
 ]
+
+
+def _in_utc(text: str) -> str:
+    """A moment as the store writes it, YYYY-MM-DDTHH:MM:SS in UTC; of a year or month its first day."""
+    whole = text + "-01-01"[len(text) - 4 :] if len(text) in (4, 7) else text
+    try:
+        at = datetime.fromisoformat(whole.replace(" ", "+"))  # a plus that nobody has escaped
+    except ValueError:
+        raise ValueError("not a date, or a date and time: write 2026-11-21, or 2026-11-21T09:00:00Z") from None
+    return (at.astimezone(UTC) if at.tzinfo else at).replace(tzinfo=None).isoformat()
+
+
 Moment = Annotated[
     str | None,
     Query(
-        min_length=4, max_length=40, pattern=r"^[0-9]{4}(-[0-9]{2}(-[0-9]{2}(T[0-9:.]{1,15}Z?)?)?)?$",
-        description="UTC, such as 2026-11-21 or 2026-11-21T09:00:00Z",
+        min_length=4,
+        max_length=40,
+        description="ISO 8601, such as 2026-11-21 or 2026-11-21T09:00:00Z; UTC without offset",
     ),
-]  # fmt: skip
+    AfterValidator(lambda text: None if text is None else _in_utc(text)),
+]
 WidthQuery = Annotated[
     Width | None, Query(description="pixels; a smaller picture is not enlarged"), AS_NUMBER, IN_WHOLE_DIGITS
 ]

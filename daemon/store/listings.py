@@ -29,8 +29,8 @@ from daemon.store.database import Database
 CONDITIONS: dict[str, str] = {
     "kind": "kind = ?",
     "state": "state = ?",
-    "since": "created_at >= rtrim(?, 'Z')",
-    "until": "created_at < rtrim(?, 'Z')",
+    "since": "created_at >= ?",
+    "until": "created_at < ?",
     "accepted": "accepted = ?",
     "name": "instr(lower(name), lower(?)) > 0",
 }

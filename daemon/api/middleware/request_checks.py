@@ -67,6 +67,8 @@ class RequestChecks:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        if scope["method"] == "HEAD":
+            scope = {**scope, "method": "GET"}  # the server leaves out the body
         headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
         request_id = _request_id(headers)
         exchange = _Exchange(receive, send, self._limit(scope["path"]), request_id)

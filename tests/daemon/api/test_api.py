@@ -193,6 +193,14 @@ async def test_what_is_not_there_is_reported(bench: Bench) -> None:
         assert (problem["status"], problem["code"]) == (status, code), path
 
 
+@pytest.mark.parametrize("path", ["/health", "/", "/runs", "/calibrations/current"])
+async def test_head_is_answered_as_get_without_the_body(bench: Bench, path: str) -> None:
+    whole, head = await bench.client.get(path), await bench.client.head(path)
+    assert (head.status_code, head.content) == (whole.status_code, b"")
+    assert head.headers["content-length"] == whole.headers["content-length"]
+    assert head.headers["content-type"] == whole.headers["content-type"]
+
+
 async def test_405_names_every_method_of_the_path(bench: Bench) -> None:
     for path, allow in ALLOWED:
         answer = await bench.client.put(path)

@@ -160,6 +160,9 @@ FILTERS: dict[str, set[str]] = {
     "since=2026-11-21T09:00:00.001Z": set(),
     "until=2026-11-21T09:00:00Z": set(),
     "until=2026-11-21T09:00:00.001Z": {"a", "b", "c"},
+    "since=2026-11-21T10:00:00%2B01:00": {"a", "b", "c"},
+    "since=2026-11-21T10:00:01+01:00": set(),
+    "since=2026-11&until=2026-12": {"a", "b", "c"},
 }
 
 
@@ -174,7 +177,9 @@ async def test_lists_are_filtered(bench: Bench) -> None:
     first = (await bench.client.get("/runs?kind=calibration&limit=1")).json()
     assert [run["id"] for run in first["runs"]] == ["c"]
     assert [run["id"] for run in (await bench.client.get(first["next"])).json()["runs"]] == ["a"]
-    assert (await bench.client.get("/runs?since=yesterday")).status_code == 422
+    for impossible in ("yesterday", "2026-13-45", "2026-02-30", "2026-11-21T25:00:00Z"):
+        refused = await bench.client.get(f"/runs?since={impossible}")
+        assert refused.status_code == 422 and "write 2026-11-21, or" in refused.json()["fix"], refused.text
     assert (await bench.client.get("/runs?kind=dance")).status_code == 422
     for name in ("Door 4711", "door 12", "window"):
         await bench.client.post("/scans", json={"name": name})
