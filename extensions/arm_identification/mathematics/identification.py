@@ -62,6 +62,9 @@ MAX_HOLD_OUT_SIGMAS = 1.0
 REGIONS, MIN_REGION_VIEWS = 6, 3
 """Groups of neighbours in joint space that are left out in turn."""
 
+CLEAR_SIGMAS = 2.0
+"""Of a parameter's own uncertainty: what may still be an arm's is not refused. A worn arm's play is near the largest."""
+
 MAX_LOG_DEFICIT = 8.0
 """Models whose log-likelihood is this far below the best are not averaged."""
 
@@ -103,8 +106,10 @@ class ArmFit(ArmEstimate):
     contradiction: Contradiction | None = None
 
     def beyond_usual(self) -> list[str]:
-        """Names of parameters beyond the largest that arms have, the farthest first."""
-        sizes = np.abs(self.parameters - self.model.means) / [one.largest for one in self.model.parameters]
+        """Names of parameters that are clearly beyond the largest that arms have, the farthest first."""
+        sigmas = np.sqrt(np.diagonal(self.covariance)[6:])
+        least = np.abs(self.parameters - self.model.means) - CLEAR_SIGMAS * sigmas
+        sizes = least / [one.largest for one in self.model.parameters]
         return [self.model.parameters[row].name for row in np.argsort(-sizes) if sizes[row] > 1.0]
 
 

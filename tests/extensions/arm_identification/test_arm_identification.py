@@ -229,8 +229,16 @@ def test_a_zero_that_is_off_by_a_degree_is_no_error_of_an_arm() -> None:
     assert refused.value.parameters[0] == "zero_3"
 
 
+@pytest.mark.parametrize("seed", [4, 17])
+def test_a_worn_arm_s_play_that_seems_a_little_beyond_the_largest_is_no_other_arm_s(seed: int) -> None:
+    *_, fit = identified("worn", seed)
+    play = fit.model.index("play_2")
+    assert abs(fit.parameters[play]) > fit.model.parameters[play].largest
+    assert fit.taken_up
+
+
 @pytest.mark.parametrize(("parameter", "size_rad", "usual"), [
-    ("sine_3", 3e-4, True), ("sine_3", 4e-4, False), ("sine2_3", 3e-4, True), ("cosine3_6", 4e-4, False),
+    ("sine_3", 3e-4, True), ("sine_3", 5e-4, False), ("sine2_3", 3e-4, True), ("cosine3_6", 5e-4, False),
 ])  # fmt: skip
 def test_higher_harmonics_are_judged_as_a_gear_s_first_one(parameter: str, size_rad: float, usual: bool) -> None:
     *_, fit = identified("standard")
