@@ -63,7 +63,7 @@ REGIONS, MIN_REGION_VIEWS = 6, 3
 """Groups of neighbours in joint space that are left out in turn."""
 
 CLEAR_SIGMAS = 2.0
-"""Of a parameter's own uncertainty: what may still be an arm's is not refused. A worn arm's play is near the largest."""
+"""Of its own uncertainty: a worn arm may have, by its pictures, a little more play than the largest."""
 
 MAX_LOG_DEFICIT = 8.0
 """Models whose log-likelihood is this far below the best are not averaged."""

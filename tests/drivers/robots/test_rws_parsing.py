@@ -14,7 +14,7 @@ from drivers.registry import ROBOTS, check_robot_address
 from drivers.robots.abb.robtarget import UNUSED_AXIS
 from drivers.robots.abb.rws import parsing
 from drivers.robots.abb.rws.address import RwsAddress
-from drivers.robots.abb.rws.client import error_of_response
+from drivers.robots.abb.rws.client import ControllerBusy, error_of_response
 from drivers.robots.abb.rws.dialect import DIALECTS, error_in
 from drivers.robots.abb.rws.link import events_in
 
@@ -174,7 +174,7 @@ def test_whatever_comes_is_items_or_a_value_error_and_never_anything_else(conten
         (401, b"", RequestRefused, "UNAUTHORIZED"),
         (406, b"<html>", RequestRefused, "NOT_ACCEPTABLE"),
         (410, b"", RequestRefused, "GONE"),
-        (503, b"", DeviceUnreachable, None),
+        (503, b"", ControllerBusy, None),
         (500, b"", DeviceUnreachable, None),
         (418, b"", GarbledAnswer, None),
         (302, b"", GarbledAnswer, None),

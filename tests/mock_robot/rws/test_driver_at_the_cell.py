@@ -227,6 +227,14 @@ async def test_each_fault_has_its_error_and_is_over_when_it_is_over(
 
 
 @VERSIONS
+async def test_a_controller_that_is_busy_twice_is_asked_again(version: int) -> None:
+    async with rws_cell() as cell, robot_at(cell, version, f"?version={version}") as robot:
+        cell.cell.inject_fault("rws-503", strikes=2)
+        assert (await robot.read_pose()).still
+        assert robot.link.connected
+
+
+@VERSIONS
 async def test_a_fault_of_which_no_version_is_known_is_reported_in_the_controllers_words(version: int) -> None:
     async with rws_cell() as cell:
         cell.cell.inject_fault("rws-503")

@@ -18,15 +18,18 @@ from drivers.timing import Timing
 REFUSALS: dict[str, list[str]] = json.loads(Path(__file__).with_name("refusals.json").read_text("utf-8"))
 """Name, what and fix by the controller's code, and by the HTTP status where it gives none that is known."""
 
+
+class ControllerBusy(DeviceUnreachable):
+    """Status 503: the controller has no session or turn left, and did nothing of what was asked."""
+
+
 TOO_MANY = "its 70 sessions are taken, or it is asked more than 20 times a second"
 
 
 def error_of_response(device: str, doing: str, status: int, code: int | None, message: str) -> DeviceError:
     """The error for a response with that HTTP status."""
     if status == 503:
-        return DeviceUnreachable(
-            device, f"{doing}: it answers 503, {TOO_MANY}", "close other clients of its web services"
-        )
+        return ControllerBusy(device, f"{doing}: it answers 503, {TOO_MANY}", "close other clients of its web services")
     if status >= 500:
         return DeviceUnreachable(
             device, f"{doing}: it answers {status}", "look at the controller; restart it if it stays"
@@ -47,6 +50,8 @@ not hold up a stop.
 """
 REQUESTS_PER_S, BURST = 15.0, 8.0
 """Below the controllers' limit of 20 requests per second, which all clients share."""
+BUSY_WAITS_S = (0.5, 1.5)
+"""Before a request that is not urgent is sent again to a controller that was busy."""
 MAX_PAGES = 100
 """Of one list: ten thousand signals. A controller that names one page after another without an end is garbled."""
 AT_CONTROLLER = "check that the address is a controller's"
@@ -263,10 +268,16 @@ class RwsClient:
         if not urgent:
             await self._pace()
         async with nullcontext() if urgent else self._ordinary:
-            self.require_dialect()
-            assert self._http is not None
-            doing = f"{method} {path}"
-            return await self._send(self._http, method, path, query, form, headers, doing, content)
+            doing, waits_s = f"{method} {path}", iter(() if urgent else BUSY_WAITS_S)
+            while True:
+                self.require_dialect()
+                assert self._http is not None
+                try:
+                    return await self._send(self._http, method, path, query, form, headers, doing, content)
+                except ControllerBusy:
+                    if (wait_s := next(waits_s, None)) is None:
+                        raise
+                await self._timing.sleep(wait_s)
 
     async def _send(
         self,
