@@ -16,11 +16,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 CORE = ("calibration", "daemon", "drivers", "mock_robot", "protocols", "registration")
 ROOMS = (*CORE, "extensions", "gateways")
+SERVICE_ROOTS = ("daemon.composition", "daemon.server", "daemon.api.routes")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 14, "registration": 10}
 MAX_WEIGHTS = {
     "lines of Python of the core": 93_187,
     "lines of Python with the extensions": 98_717,
+    "lines of Python of the core that the service imports": 67_637,
     "lines of Python of the gateways": 1_322,
     "files of the fullest folder": 43,
     "private functions used once": 672,
@@ -134,6 +136,14 @@ def import_graph() -> Graph:
     return {module: imports_of(file, files) for module, file in files.items()}
 
 
+def of_the_service() -> set[Path]:
+    """Files of the core that the daemon imports, at once or later: not what only commands use, nor the mock."""
+    files = {module_name(file): file for file in python_files(*CORE)}
+    reached = set().union(*(_reachable(import_graph(), root) | {root} for root in SERVICE_ROOTS))
+    packages = {module.rsplit(".", depth)[0] for module in reached for depth in range(1, module.count(".") + 1)}
+    return {files[module] for module in (reached | packages) & files.keys()}
+
+
 def room_of(graph: Graph, name: str) -> Room:
     """The room `name` of a module graph, its modules folded into the units at its root."""
     units: Graph = {module.split(".")[1]: set() for module in graph if module.startswith(f"{name}.")}
@@ -244,6 +254,7 @@ def weights() -> list[Weight]:
     return [
         Weight("lines of Python of the core", _lines(core.values())),
         Weight("lines of Python with the extensions", _lines([*core.values(), *added.values()])),
+        Weight("lines of Python of the core that the service imports", _lines(core[file] for file in of_the_service())),
         Weight("lines of Python of the gateways", _lines(of_gateways)),
         Weight("files of the fullest folder", max(folders.values())),
         Weight("private functions used once", len(once)),
