@@ -10,7 +10,7 @@ CalibrationError
 """
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 
 class PicklableError(Exception):
@@ -27,7 +27,18 @@ def _rebuild(kind: type[PicklableError], arguments: tuple[Any, ...], data: dict[
     return error
 
 
-class ErrorWithFix(PicklableError):
+class CodedError(Exception):
+    """An error whose class states a stable `code`; a class that states none has its base's."""
+
+    code: ClassVar[str]
+
+    def __init_subclass__(cls, code: str | None = None) -> None:
+        super().__init_subclass__()
+        if code is not None:
+            cls.code = code
+
+
+class ErrorWithFix(CodedError, PicklableError):
     """`what` and `fix` are sentences for people."""
 
     def __init__(self, what: str, fix: str) -> None:
@@ -72,16 +83,12 @@ class DetectionError(CalibrationError):
         super().__init__(f"{what}: {fix}")
 
 
-class ComparisonError(CalibrationError, ErrorWithFix):
+class ComparisonError(CalibrationError, ErrorWithFix, code="not-comparable"):
     """Two calibrations cannot be compared: one has no transform, or their set-ups differ."""
 
-    code = "not-comparable"
 
-
-class ExportRefused(CalibrationError, ErrorWithFix):
+class ExportRefused(CalibrationError, ErrorWithFix, code="export-refused"):
     """Nothing can be exported: there is no transform, or an option cannot be."""
-
-    code = "export-refused"
 
 
 class GeometryError(CalibrationError):

@@ -1,7 +1,7 @@
 """Errors of the daemon. Each has a stable `code`, a sentence `what` and a `fix`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Literal
 
 from calibration.errors import ErrorWithFix
 from calibration.sentences.sentence import Sentence, as_sentence
@@ -10,34 +10,24 @@ if TYPE_CHECKING:
     from calibration.kinematics.joint_path import OutsideBox
 
 
-class DaemonError(ErrorWithFix):
+class DaemonError(ErrorWithFix, code="daemon-error"):
     """Base class. `what` is a sentence, `fix` says what to do, `code` is stable."""
 
-    code: ClassVar[str] = "daemon-error"
 
-
-class AnswerRefused(DaemonError):
+class AnswerRefused(DaemonError, code="answer-refused"):
     """An answer of the first set-up that cannot be."""
 
-    code = "answer-refused"
 
-
-class SetupConflict(DaemonError):
+class SetupConflict(DaemonError, code="setup-conflict"):
     """The cell is set up already, or its settings file is another than was read."""
 
-    code = "setup-conflict"
 
-
-class PrintRefused(DaemonError):
+class PrintRefused(DaemonError, code="print-refused"):
     """A target cannot be printed on this page."""
 
-    code = "print-refused"
 
-
-class RunInProgress(DaemonError):
+class RunInProgress(DaemonError, code="run-in-progress"):
     """A run is in progress; `holder` is its id."""
-
-    code = "run-in-progress"
 
     def __init__(self, kind: str, run_id: str) -> None:
         self.holder = run_id
@@ -45,20 +35,16 @@ class RunInProgress(DaemonError):
         super().__init__(what, Sentence("wait-or-abort-run", run=run_id))
 
 
-class CellBusy(DaemonError):
+class CellBusy(DaemonError, code="cell-busy"):
     """The cell is held; `holder` says by what."""
-
-    code = "cell-busy"
 
     def __init__(self, holder: str) -> None:
         self.holder = holder
         super().__init__(Sentence("cell-is-held", holder=as_sentence(holder)), Sentence("wait-until-done"))
 
 
-class CellNotReady(DaemonError):
+class CellNotReady(DaemonError, code="cell-not-ready"):
     """The robot or a device is not ready; `reasons` says why."""
-
-    code = "cell-not-ready"
 
     def __init__(self, reasons: tuple[str, ...], fix: Sentence | None = None) -> None:
         self.reasons = reasons
@@ -66,60 +52,44 @@ class CellNotReady(DaemonError):
         super().__init__(what, fix or Sentence("put-right-at-cell"))
 
 
-class InterlockOpen(CellNotReady):
+class InterlockOpen(CellNotReady, code="interlock-open"):
     """An interlock of the cell does not allow motion; `interlocks` names which."""
-
-    code = "interlock-open"
 
     def __init__(self, interlocks: tuple[str, ...], reasons: tuple[str, ...]) -> None:
         self.interlocks = interlocks
         super().__init__(reasons)
 
 
-class AbortHeld(CellNotReady):
+class AbortHeld(CellNotReady, code="abort-held"):
     """A PLC holds abort: one of `holders`, empty for one that set it while the run was being prepared."""
-
-    code = "abort-held"
 
     def __init__(self, holders: tuple[str, ...]) -> None:
         held = tuple(Sentence("plc-holds-abort", holder=holder) for holder in holders)
         super().__init__(held or (Sentence("a-plc-set-abort"),), Sentence("clear-plc-abort"))
 
 
-class NotStill(DaemonError):
+class NotStill(DaemonError, code="not-still"):
     """The arm moved during a capture, or did not come to rest."""
 
-    code = "not-still"
 
-
-class PoseMismatch(DaemonError):
+class PoseMismatch(DaemonError, code="elsewhere-than-sent"):
     """The arm reports another pose than the commanded one: units, quaternion order, tool or work object differ."""
 
-    code = "elsewhere-than-sent"
 
-
-class StaleCaptureError(DaemonError):
+class StaleCaptureError(DaemonError, code="same-again"):
     """A device repeated its last capture to the last bit, though the arm has moved."""
 
-    code = "same-again"
 
-
-class PictureUnusable(DaemonError):
+class PictureUnusable(DaemonError, code="picture-unusable"):
     """The camera's picture cannot be used."""
 
-    code = "picture-unusable"
 
-
-class NoPoses(DaemonError):
+class NoPoses(DaemonError, code="no-poses"):
     """There are no poses, or fewer than asked for."""
 
-    code = "no-poses"
 
-
-class ArmUnknown(DaemonError):
+class ArmUnknown(DaemonError, code="arm-unknown"):
     """The errors of the arm were asked for, and the settings do not name it, or it is of another kind."""
-
-    code = "arm-unknown"
 
     def __init__(self, seven: str | None = None, *, upright: bool = True) -> None:
         """`seven`: name of the cell's arm with seven axes."""
@@ -128,16 +98,12 @@ class ArmUnknown(DaemonError):
         super().__init__(of_six if upright else Sentence("arm-for-upright"), fix)
 
 
-class NotInstalled(DaemonError):
+class NotInstalled(DaemonError, code="not-installed"):
     """What a request asks for is of an extension that this daemon does not have."""
 
-    code = "not-installed"
 
-
-class ToleranceLoosened(DaemonError):
+class ToleranceLoosened(DaemonError, code="tolerance-loosened"):
     """A request states a larger tolerance than the settings, which forbid that."""
-
-    code = "tolerance-loosened"
 
     def __init__(self, stated_mm: float, allowed_mm: float) -> None:
         self.stated_mm, self.allowed_mm = stated_mm, allowed_mm
@@ -147,10 +113,8 @@ class ToleranceLoosened(DaemonError):
         )
 
 
-class PoseRefused(DaemonError):
+class PoseRefused(DaemonError, code="pose-refused"):
     """A pose lies outside what the settings allow. `station` counts from 1; 0: a move that belongs to no station."""
-
-    code = "pose-refused"
 
     def __init__(self, station: int, what: str, fix: str) -> None:
         self.station, self.why = station, as_sentence(what)
@@ -179,10 +143,8 @@ class PathRefused(PoseRefused):
 Noun = Literal["run", "calibration", "scan"]
 
 
-class NotFound(DaemonError):
+class NotFound(DaemonError, code="not-found"):
     """No such run, calibration, scan, frame, view or page."""
-
-    code = "not-found"
 
     @classmethod
     def noun(cls, noun: Noun, given_id: str) -> "NotFound":
@@ -195,19 +157,15 @@ class NotFound(DaemonError):
         return cls(Sentence("no-such-file", name=path.name, folder=path.parent.name), Sentence("look-what-is-stored"))
 
 
-class CursorUnknown(DaemonError):
+class CursorUnknown(DaemonError, code="cursor-unknown"):
     """The cursor of a page does not exist."""
-
-    code = "cursor-unknown"
 
     def __init__(self, what: str, before: str) -> None:
         super().__init__(Sentence("no-such-cursor", before=before[:64], list=what), Sentence("follow-next"))
 
 
-class AppliedMeanwhile(DaemonError):
+class AppliedMeanwhile(DaemonError, code="applied-meanwhile"):
     """Something else is active than the request expects."""
-
-    code = "applied-meanwhile"
 
     def __init__(self, now: int) -> None:
         self.now = now
@@ -215,22 +173,16 @@ class AppliedMeanwhile(DaemonError):
         super().__init__(what, Sentence("look-at-current"))
 
 
-class BackupUnusable(DaemonError):
+class BackupUnusable(DaemonError, code="backup-unusable"):
     """A backup cannot be restored."""
 
-    code = "backup-unusable"
 
-
-class RunOver(DaemonError):
+class RunOver(DaemonError, code="run-over"):
     """The run has ended."""
 
-    code = "run-over"
 
-
-class StopUnconfirmed(DaemonError):
+class StopUnconfirmed(DaemonError, code="stop-unconfirmed"):
     """The run is ended, but the controller has not confirmed that the arm is stopped and disarmed."""
-
-    code = "stop-unconfirmed"
 
     def __init__(self, run_id: str, warning: Sentence, *, stopped: bool, disarmed: bool) -> None:
         self.holder, self.stopped, self.disarmed = run_id, stopped, disarmed
@@ -238,10 +190,8 @@ class StopUnconfirmed(DaemonError):
         super().__init__(what, Sentence("press-emergency-stop"))
 
 
-class NotWaiting(DaemonError):
+class NotWaiting(DaemonError, code="not-waiting"):
     """The run moves the arm itself and takes no requests."""
-
-    code = "not-waiting"
 
     def __init__(self, run_id: str) -> None:
         super().__init__(
@@ -249,43 +199,31 @@ class NotWaiting(DaemonError):
         )
 
 
-class NotHeld(DaemonError):
+class NotHeld(DaemonError, code="not-held"):
     """No motion waits for this button, or it was let go: it is not taken up again."""
-
-    code = "not-held"
 
     def __init__(self) -> None:
         super().__init__(Sentence("no-motion-for-button"), Sentence("hold-again"))
 
 
-class SamePose(DaemonError):
+class SamePose(DaemonError, code="same-pose"):
     """The arm stands where a view was taken already."""
 
-    code = "same-pose"
 
-
-class TooFewViews(DaemonError):
+class TooFewViews(DaemonError, code="too-few-views"):
     """A manual run cannot be finished yet."""
 
-    code = "too-few-views"
 
-
-class OperatorTimeout(DaemonError):
+class OperatorTimeout(DaemonError, code="operator-gone"):
     """A manual run received no request in time."""
 
-    code = "operator-gone"
 
-
-class RunStalled(DaemonError):
+class RunStalled(DaemonError, code="run-stalled"):
     """A step of a run exceeded its time limit."""
 
-    code = "run-stalled"
 
-
-class NoCalibration(DaemonError):
+class NoCalibration(DaemonError, code="no-calibration"):
     """No calibration is active, of [camera] or of another camera by name."""
-
-    code = "no-calibration"
 
     def __init__(self, camera: str = "camera") -> None:
         main = camera == "camera"
@@ -293,82 +231,58 @@ class NoCalibration(DaemonError):
         super().__init__(what, Sentence("calibrate-then-apply", calibration="{id}"))
 
 
-class CalibrationUnusable(DaemonError):
+class CalibrationUnusable(DaemonError, code="calibration-unusable"):
     """A calibration must not, or cannot, be applied."""
 
-    code = "calibration-unusable"
 
-
-class TargetNotSeen(DaemonError):
+class TargetNotSeen(DaemonError, code="target-not-seen"):
     """Too few stations saw the target."""
 
-    code = "target-not-seen"
 
-
-class NoScanner(DaemonError):
+class NoScanner(DaemonError, code="no-scanner"):
     """The settings name no scanner."""
-
-    code = "no-scanner"
 
     def __init__(self) -> None:
         super().__init__(Sentence("no-scanner-named"), Sentence("add-scanner"))
 
 
-class ScanEmpty(DaemonError):
+class ScanEmpty(DaemonError, code="scan-empty"):
     """The scan has no views."""
 
-    code = "scan-empty"
 
-
-class WorkersBusy(DaemonError):
+class WorkersBusy(DaemonError, code="workers-busy"):
     """As many merges and registrations wait as may: one is computed at a time."""
-
-    code = "workers-busy"
 
     def __init__(self, waiting: int) -> None:
         super().__init__(Sentence("workers-full", waiting=waiting), Sentence("ask-again-soon"))
 
 
-class StorageError(DaemonError):
+class StorageError(DaemonError, code="storage-error"):
     """The store could not be read or written; nothing stored before is lost."""
 
-    code = "storage-error"
 
-
-class StorageFull(StorageError):
+class StorageFull(StorageError, code="storage-full"):
     """The disk is full."""
 
-    code = "storage-full"
 
-
-class StorageInconsistent(StorageError):
+class StorageInconsistent(StorageError, code="storage-inconsistent"):
     """The store is damaged, behind its audit anchor, moved or replaced: nothing is written, and no run is started."""
 
-    code = "storage-inconsistent"
 
-
-class StorageTooNew(StorageError):
+class StorageTooNew(StorageError, code="storage-too-new"):
     """The store was written by a newer handeyed."""
 
-    code = "storage-too-new"
 
-
-class StorageInUse(StorageError):
+class StorageInUse(StorageError, code="storage-in-use"):
     """Another daemon uses the store."""
 
-    code = "storage-in-use"
 
-
-class PortTaken(DaemonError):
+class PortTaken(DaemonError, code="port-taken"):
     """The daemon cannot listen where the settings say."""
 
-    code = "port-taken"
 
-
-class Stopping(DaemonError):
+class Stopping(DaemonError, code="stopping"):
     """The daemon is shutting down, or is held for an update."""
-
-    code = "stopping"
 
     def __init__(self, what: str | None = None) -> None:
         super().__init__(what or Sentence("daemon-is-stopping"), Sentence("ask-when-started"))

@@ -28,16 +28,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Literal
 
+from calibration.errors import CodedError
+
 DeviceKind = Literal["robot", "camera", "scanner"]
 
 
-class DeviceError(Exception):
+class DeviceError(CodedError, code="device-error"):
     """Root of the drivers' errors. `device`: configured name and address; `code` is stable; `fix` says what to do.
 
     `kind`: kind of device; None when the error was raised outside the cell. `status`: the controller's name of it.
     """
 
-    code = "device-error"
     kind: DeviceKind | None = None
 
     def __init__(self, device: str, what: str, fix: str, status: str = "") -> None:
@@ -45,16 +46,12 @@ class DeviceError(Exception):
         super().__init__(f"{device}: {what}: {fix}")
 
 
-class DeviceUnreachable(DeviceError):
+class DeviceUnreachable(DeviceError, code="device-unreachable"):
     """No answer at the address."""
 
-    code = "device-unreachable"
 
-
-class DeviceTaken(DeviceError):
+class DeviceTaken(DeviceError, code="device-taken"):
     """Another program controls the device."""
-
-    code = "device-taken"
 
     def __init__(
         self, device: str, what: str, fix: str = "close the program that uses it, or restart the device"
@@ -62,58 +59,40 @@ class DeviceTaken(DeviceError):
         super().__init__(device, what, fix)
 
 
-class WrongDevice(DeviceError):
+class WrongDevice(DeviceError, code="wrong-device"):
     """Another device answers than the settings name."""
 
-    code = "wrong-device"
 
-
-class LibraryMissing(DeviceError):
+class LibraryMissing(DeviceError, code="library-missing"):
     """The library that the driver needs is not installed."""
 
-    code = "library-missing"
 
-
-class SettingRefused(DeviceError):
+class SettingRefused(DeviceError, code="setting-refused"):
     """The device does not have a setting, or refuses its value."""
 
-    code = "setting-refused"
 
-
-class DeviceTimeout(DeviceError):
+class DeviceTimeout(DeviceError, code="device-timeout"):
     """No answer, or no fresh one, in time: of a device that is connected, or whose connection is still being made."""
 
-    code = "device-timeout"
 
-
-class DeviceOverheated(DeviceError):
+class DeviceOverheated(DeviceError, code="device-overheated"):
     """The device is too hot to measure."""
 
-    code = "device-overheated"
 
-
-class StreamStalled(DeviceTimeout):
+class StreamStalled(DeviceTimeout, code="stream-stalled"):
     """A camera is connected and sends no pictures."""
 
-    code = "stream-stalled"
 
-
-class LinkLost(DeviceError):
+class LinkLost(DeviceError, code="link-lost"):
     """The connection broke during a request."""
 
-    code = "link-lost"
 
-
-class GarbledAnswer(DeviceError):
+class GarbledAnswer(DeviceError, code="garbled-answer"):
     """The bytes are not of the protocol, or not an image or cloud."""
 
-    code = "garbled-answer"
 
-
-class IncompletePicture(GarbledAnswer):
+class IncompletePicture(GarbledAnswer, code="incomplete-picture"):
     """Parts of a picture are missing."""
-
-    code = "incomplete-picture"
 
     def __init__(
         self,
@@ -124,16 +103,12 @@ class IncompletePicture(GarbledAnswer):
         super().__init__(device, what, fix)
 
 
-class NothingMeasured(DeviceError):
+class NothingMeasured(DeviceError, code="nothing-measured"):
     """A complete cloud without points."""
 
-    code = "nothing-measured"
 
-
-class ClocksApart(DeviceError):
+class ClocksApart(DeviceError, code="clocks-apart"):
     """The clocks of device and daemon run apart: `by_s` since the sweep began."""
-
-    code = "clocks-apart"
 
     def __init__(self, device: str, by_s: float) -> None:
         super().__init__(
@@ -143,10 +118,8 @@ class ClocksApart(DeviceError):
         )
 
 
-class SweepNeeded(DeviceError):
+class SweepNeeded(DeviceError, code="sweep-needed"):
     """A line profiler was asked for a whole cloud."""
-
-    code = "sweep-needed"
 
     def __init__(self, device: str) -> None:
         super().__init__(
@@ -156,34 +129,24 @@ class SweepNeeded(DeviceError):
         )
 
 
-class AnswerTooLarge(DeviceError):
+class AnswerTooLarge(DeviceError, code="answer-too-large"):
     """More bytes than the configured limit."""
 
-    code = "answer-too-large"
 
-
-class AddressNotUnderstood(DeviceError, ValueError):
+class AddressNotUnderstood(DeviceError, ValueError, code="address-not-understood"):
     """An address that no driver can parse. `device` is the address as given."""
 
-    code = "address-not-understood"
 
-
-class RequestRefused(DeviceError):
+class RequestRefused(DeviceError, code="request-refused"):
     """The controller refused to arm or to answer. `status` is the controller's status name."""
 
-    code = "request-refused"
 
-
-class MoveRefused(DeviceError):
+class MoveRefused(DeviceError, code="move-refused"):
     """The controller refused a move before it began. `status` is the controller's status name."""
 
-    code = "move-refused"
 
-
-class MoveFailed(DeviceError):
+class MoveFailed(DeviceError, code="move-failed"):
     """A move began and did not reach its goal."""
-
-    code = "move-failed"
 
 
 class MoveStalled(MoveFailed):
@@ -193,10 +156,8 @@ class MoveStalled(MoveFailed):
         super().__init__(device, what, fix, "STALLED")
 
 
-class InterlockRefused(DeviceError):
+class InterlockRefused(DeviceError, code="interlock-open"):
     """An interlock of the cell does not allow motion; `interlocks` names it."""
-
-    code = "interlock-open"
 
     def __init__(self, device: str, what: str, fix: str, interlocks: tuple[str, ...]) -> None:
         super().__init__(device, what, fix)

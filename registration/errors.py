@@ -21,16 +21,12 @@ RegistrationError
 from calibration.errors import ErrorWithFix
 
 
-class RegistrationError(ErrorWithFix):
+class RegistrationError(ErrorWithFix, code="registration-error"):
     """Root of registration's errors. `code` is stable; `what` and `fix` are for people."""
 
-    code = "registration-error"
 
-
-class CloudError(RegistrationError):
+class CloudError(RegistrationError, code="cloud-error"):
     """An error of one cloud. `file` names it ('request body' for an upload), `place` a position in it."""
-
-    code = "cloud-error"
 
     def __init__(self, file: str, place: str, what: str, fix: str) -> None:
         super().__init__(what, fix)
@@ -38,79 +34,55 @@ class CloudError(RegistrationError):
         self.args = (f"{file}: {place}: {what}: {fix}",)
 
 
-class CloudFormatError(CloudError):
+class CloudFormatError(CloudError, code="cloud-malformed"):
     """The bytes violate the format or the header."""
 
-    code = "cloud-malformed"
 
-
-class CloudTruncated(CloudError):
+class CloudTruncated(CloudError, code="cloud-truncated"):
     """The bytes end too early."""
 
-    code = "cloud-truncated"
 
-
-class CloudTooLong(CloudError):
+class CloudTooLong(CloudError, code="cloud-too-long"):
     """Bytes follow after the cloud's end."""
 
-    code = "cloud-too-long"
 
-
-class CloudUnsupported(CloudError):
+class CloudUnsupported(CloudError, code="cloud-unsupported"):
     """A valid cloud that is not supported here, or whose optional library is not installed."""
 
-    code = "cloud-unsupported"
 
-
-class CloudIOError(CloudError):
+class CloudIOError(CloudError, code="cloud-io"):
     """The operating system could not read or write the file."""
 
-    code = "cloud-io"
 
-
-class UnitUnknown(RegistrationError):
+class UnitUnknown(RegistrationError, code="unit-unknown"):
     """It is not stated whether coordinates are metres or millimetres; the unit is never guessed."""
 
-    code = "unit-unknown"
 
-
-class MotionError(RegistrationError):
+class MotionError(RegistrationError, code="not-a-motion"):
     """A transform is not a rigid motion."""
 
-    code = "not-a-motion"
 
-
-class MergeStopped(RegistrationError):
+class MergeStopped(RegistrationError, code="merge-stopped"):
     """Nobody waits for the merged cloud any more."""
-
-    code = "merge-stopped"
 
     def __init__(self) -> None:
         super().__init__("the merge was stopped", "ask for the cloud again")
 
 
-class ScanError(RegistrationError):
+class ScanError(RegistrationError, code="scan-unusable"):
     """Views that cannot be registered together."""
 
-    code = "scan-unusable"
 
-
-class ProfileError(RegistrationError):
+class ProfileError(RegistrationError, code="profiles-unusable"):
     """Profiles of a laser line that cannot be used."""
 
-    code = "profiles-unusable"
 
-
-class PathError(RegistrationError):
+class PathError(RegistrationError, code="path-unusable"):
     """Times and poses that are not the path of a robot."""
 
-    code = "path-unusable"
 
-
-class PathTooCoarse(RegistrationError):
+class PathTooCoarse(RegistrationError, code="path-too-coarse"):
     """The arm moves too fast, or too unevenly, for the poses around it."""
-
-    code = "path-too-coarse"
 
     def __init__(self, time_s: float, bend_mm: float, max_bend_mm: float) -> None:
         super().__init__(
@@ -120,13 +92,11 @@ class PathTooCoarse(RegistrationError):
         )
 
 
-class PathGap(RegistrationError):
+class PathGap(RegistrationError, code="path-gap"):
     """A profile was taken where the robot's poses are missing.
 
     `time_s` of the robot's clock lies `gap_s` outside the path (`outside`), or between poses that are `gap_s` apart.
     """
-
-    code = "path-gap"
 
     def __init__(self, time_s: float, gap_s: float, max_gap_s: float, *, outside: bool) -> None:
         self.time_s, self.gap_s, self.outside = time_s, gap_s, outside
@@ -137,7 +107,5 @@ class PathGap(RegistrationError):
         )
 
 
-class SphereError(RegistrationError):
+class SphereError(RegistrationError, code="not-the-sphere"):
     """The points are not a sphere of the stated radius."""
-
-    code = "not-the-sphere"

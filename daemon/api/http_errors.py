@@ -4,10 +4,8 @@ from calibration.errors import DocumentProblem
 from daemon.errors import DaemonError
 
 
-class KeyReused(DaemonError):
+class KeyReused(DaemonError, code="idempotency-key-reused"):
     """The Idempotency-Key was used with another request."""
-
-    code = "idempotency-key-reused"
 
     def __init__(self) -> None:
         super().__init__(
@@ -16,10 +14,8 @@ class KeyReused(DaemonError):
         )
 
 
-class RequestInFlight(DaemonError):
+class RequestInFlight(DaemonError, code="request-in-flight"):
     """The request with this Idempotency-Key is in progress; `holder` is the run it started."""
-
-    code = "request-in-flight"
 
     def __init__(self, holder: str | None) -> None:
         self.holder = holder
@@ -29,10 +25,8 @@ class RequestInFlight(DaemonError):
         )
 
 
-class HostNotAllowed(DaemonError):
+class HostNotAllowed(DaemonError, code="host-not-allowed"):
     """The Host header names another host."""
-
-    code = "host-not-allowed"
 
     def __init__(self, host: str) -> None:
         super().__init__(
@@ -41,29 +35,23 @@ class HostNotAllowed(DaemonError):
         )
 
 
-class InvalidRequest(DaemonError):
+class InvalidRequest(DaemonError, code="request-refused"):
     """The request is invalid; `problems` lists every place."""
-
-    code = "request-refused"
 
     def __init__(self, problems: list[DocumentProblem]) -> None:
         self.problems = problems
         super().__init__("; ".join(f"{p.place}: {p.what}" for p in problems), "; ".join(p.fix for p in problems))
 
 
-class RequestMalformed(DaemonError):
+class RequestMalformed(DaemonError, code="request-malformed"):
     """A header that may stand there once is repeated."""
-
-    code = "request-malformed"
 
     def __init__(self, header: str) -> None:
         super().__init__(f"the header {header} is there more than once", "send it once")
 
 
-class BodyTooLarge(DaemonError):
+class BodyTooLarge(DaemonError, code="body-too-large"):
     """The body has more bytes than the limit."""
-
-    code = "body-too-large"
 
     def __init__(self, limit_bytes: int) -> None:
         super().__init__(
@@ -72,40 +60,28 @@ class BodyTooLarge(DaemonError):
         )
 
 
-class BodyMalformed(DaemonError):
+class BodyMalformed(DaemonError, code="body-malformed"):
     """The body is not JSON."""
 
-    code = "body-malformed"
 
-
-class UnknownMediaType(DaemonError):
+class UnknownMediaType(DaemonError, code="unknown-media-type"):
     """The body's media type is not supported."""
 
-    code = "unknown-media-type"
 
-
-class NotAcceptable(DaemonError):
+class NotAcceptable(DaemonError, code="not-acceptable"):
     """None of the accepted media types is available."""
 
-    code = "not-acceptable"
 
-
-class CloudTooLarge(DaemonError):
+class CloudTooLarge(DaemonError, code="cloud-too-large-for-json"):
     """The cloud has too many points for JSON."""
 
-    code = "cloud-too-large-for-json"
 
-
-class TooManyListeners(DaemonError):
+class TooManyListeners(DaemonError, code="too-many-listeners"):
     """As many clients listen to a stream as may."""
-
-    code = "too-many-listeners"
 
     def __init__(self, listeners: int) -> None:
         super().__init__(f"{listeners} clients listen already", "close some, or share one stream among the tabs")
 
 
-class CrossOrigin(DaemonError):
+class CrossOrigin(DaemonError, code="cross-origin"):
     """The request comes from a page of another origin."""
-
-    code = "cross-origin"

@@ -3,10 +3,8 @@
 from daemon.errors import DaemonError
 
 
-class ReportExtraMissing(DaemonError):
+class ReportExtraMissing(DaemonError, code="report-extra-missing"):
     """The extra `report` is not installed, or Pango is missing, or a font with the letters of the report's language."""
-
-    code = "report-extra-missing"
 
     def __init__(
         self,
@@ -17,10 +15,8 @@ class ReportExtraMissing(DaemonError):
         super().__init__(what, f"install {package}, or print the HTML report")
 
 
-class ReportTooSlow(DaemonError):
+class ReportTooSlow(DaemonError, code="report-too-slow"):
     """A PDF was not written within its limit: the PC works on others, or is busy."""
-
-    code = "report-too-slow"
 
     def __init__(self, limit_s: float) -> None:
         what = f"the PDF was not written within {limit_s:g} s"

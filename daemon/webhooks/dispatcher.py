@@ -71,10 +71,8 @@ def _secret(line: bytes, file: Path) -> bytes:
         raise SecretUnusable(file, "what follows whsec_ is not base64") from None
 
 
-class SecretUnusable(DaemonError):
+class SecretUnusable(DaemonError, code="webhook-secret"):
     """A secret file cannot be read, or a secret is too short."""
-
-    code = "webhook-secret"
 
     def __init__(self, file: Path, what: str) -> None:
         super().__init__(f"webhook secret {file}: {what}", f"make one: openssl rand -hex 32 > {file}")

@@ -3,10 +3,9 @@
 from daemon.errors import DaemonError
 
 
-class NoProfiler(DaemonError):
+class NoProfiler(DaemonError, code="no-profiler"):
     """The scanner takes whole clouds, it is no line profiler."""
 
-    code = "no-profiler"
     status = 409
 
     def __init__(self, scanner: str) -> None:
@@ -16,10 +15,9 @@ class NoProfiler(DaemonError):
         )
 
 
-class NothingOnPath(DaemonError):
+class NothingOnPath(DaemonError, code="nothing-on-path"):
     """No profile of a sweep lies on the robot's path: `left_out` of `profiles` lie before or after it."""
 
-    code = "nothing-on-path"
     status = 422
 
     def __init__(self, profiles: int, left_out: int) -> None:
@@ -32,10 +30,9 @@ class NothingOnPath(DaemonError):
         )
 
 
-class SweepTooLong(DaemonError):
+class SweepTooLong(DaemonError, code="sweep-too-long"):
     """A sweep was not ended within `limit_s`."""
 
-    code = "sweep-too-long"
     status = 409
 
     def __init__(self, limit_s: float) -> None:

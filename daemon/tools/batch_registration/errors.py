@@ -3,7 +3,5 @@
 from daemon.errors import DaemonError
 
 
-class ArchiveError(DaemonError):
+class ArchiveError(DaemonError, code="archive-error"):
     """The archive cannot be read or written, or there is no executor."""
-
-    code = "archive-error"
