@@ -15,8 +15,7 @@ from calibration.problem import View
 from calibration.solution import Solution, ViewResult
 from calibration.targets import Target
 from daemon.reports.context import Picture
-from daemon.tools.session_pictures.overlay import draw_view
-from daemon.tools.session_pictures.write import arrow_magnification, reason_sentence
+from daemon.tools.session_pictures.overlay import arrow_magnification, draw_view, reason_sentence
 
 Levels = NDArray[np.uint8]
 

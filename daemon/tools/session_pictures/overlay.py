@@ -1,5 +1,6 @@
 """One image of a session with the found points, their residuals and, when it is not used, the reason."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,9 +14,19 @@ from calibration.transforms import Array
 
 MIN_WIDTH_PX = 1280
 """Smaller images are enlarged by a whole factor, so that marks and words do not hide the target."""
+ARROW_OF_WIDTH = 0.03
+"""Length of a typical residual's arrow, as a share of the image's width."""
 
 GREEN, RED, AMBER, WHITE, BLACK = (60, 200, 40), (40, 40, 235), (0, 170, 255), (255, 255, 255), (24, 24, 24)
 """Blue, green, red."""
+
+REASONS = {
+    "pose-disagrees": "the robot's pose contradicts the image and all other pictures",
+    "image-disagrees": "the points do not lie as those of this target do",
+    "beyond-the-first-three": "the three-pose method uses three pictures",
+    "board-turned": "the target was read turned; its points were numbered anew",
+}
+"""Sentences for codes of pictures in which points were found; others come with the view, or stand for themselves."""
 
 Picture = NDArray[np.uint8]
 
@@ -65,6 +76,24 @@ def draw_view(image: Picture, view: View, result: ViewResult, magnification: flo
     if rejected:
         cv2.rectangle(canvas, (0, 0), (canvas.shape[1] - 1, canvas.shape[0] - 1), RED, 4 * pen.line)
     return np.vstack([canvas, _caption(_lines(view, result, magnification, reason), rejected, pen)])
+
+
+def reason_sentence(view: View, result: ViewResult) -> str:
+    """Why a view is not used, or used otherwise than given; empty for a usual one."""
+    if view.missing is not None:
+        return view.missing[1]
+    return REASONS.get(result.reason or "", (result.reason or "").replace("-", " "))
+
+
+def arrow_magnification(results: Sequence[ViewResult], width_px: int) -> float:
+    """A round number, 1 or more, that makes the median residual at most ARROW_OF_WIDTH of the image's width."""
+    lengths = [result.points.lengths_px[result.points.used] for result in results if result.points is not None]
+    typical_px = float(np.median(np.concatenate(lengths))) if lengths else 0.0
+    if not typical_px > 0:
+        return 1.0
+    wanted = max(ARROW_OF_WIDTH * width_px / typical_px, 1.0)
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(power * max(factor for factor in (1, 2, 5) if factor * power <= wanted))
 
 
 def _enlarge(pixels: Array, factor: int) -> Array:

@@ -10,23 +10,13 @@ import numpy as np
 from calibration.problem import Problem, View
 from calibration.solution import Solution, ViewResult
 from daemon.tools.session_pictures.charts import Mark, bar_chart, image_chart, scatter_chart
-from daemon.tools.session_pictures.overlay import Picture, draw_view
+from daemon.tools.session_pictures.overlay import Picture, arrow_magnification, draw_view, reason_sentence
 
 PAGE_FILE = "residuals.html"
-ARROW_OF_WIDTH = 0.03
-"""Length of a typical residual's arrow, as a share of the image's width."""
 JPEG = (cv2.IMWRITE_JPEG_QUALITY, 88, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
 """Colours at full resolution: lines are one or two pixels wide."""
 GREY_LEVEL = 96
 """Of the ground on which points are drawn that a session holds without an image."""
-
-REASONS = {
-    "pose-disagrees": "the robot's pose contradicts the image and all other pictures",
-    "image-disagrees": "the points do not lie as those of this target do",
-    "beyond-the-first-three": "the three-pose method uses three pictures",
-    "board-turned": "the target was read turned; its points were numbered anew",
-}
-"""Sentences for codes of pictures in which points were found; others come with the view, or stand for themselves."""
 
 
 def write_pictures(
@@ -56,24 +46,6 @@ def write_pictures(
     page = folder / PAGE_FILE
     page.write_text(residual_page(title, solution, problem.image_size, figures, magnification), encoding="utf-8")
     return page
-
-
-def reason_sentence(view: View, result: ViewResult) -> str:
-    """Why a view is not used, or used otherwise than given; empty for a usual one."""
-    if view.missing is not None:
-        return view.missing[1]
-    return REASONS.get(result.reason or "", (result.reason or "").replace("-", " "))
-
-
-def arrow_magnification(results: Sequence[ViewResult], width_px: int) -> float:
-    """A round number, 1 or more, that makes the median residual at most ARROW_OF_WIDTH of the image's width."""
-    lengths = [result.points.lengths_px[result.points.used] for result in results if result.points is not None]
-    typical_px = float(np.median(np.concatenate(lengths))) if lengths else 0.0
-    if not typical_px > 0:
-        return 1.0
-    wanted = max(ARROW_OF_WIDTH * width_px / typical_px, 1.0)
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(power * max(factor for factor in (1, 2, 5) if factor * power <= wanted))
 
 
 def _image(view: View, image_size: tuple[int, int], read: Callable[[str], Picture]) -> Picture:
