@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, NoReturn, Self
+from typing import BinaryIO, Self
 
 from registration.errors import CloudIOError
 from registration.io.regular_file import open_regular, require_replaceable
@@ -27,10 +27,8 @@ class GuardedFile:
     @classmethod
     def reading(cls, path: Path, name: str) -> Self:
         """Open for reading. Raises CloudIOError."""
-        try:
+        with _cloud_errors(name, "opened"):
             return cls(open_regular(path), name, path)
-        except OSError as error:
-            raise _error(name, "file", "opened", error) from None
 
     def __enter__(self) -> Self:
         return self
@@ -48,40 +46,34 @@ class GuardedFile:
     def readinto(self, buffer: memoryview) -> int:
         """Fill the buffer; returns the byte count, smaller only at the end."""
         filled = 0
-        try:
+        with _cloud_errors(self.name, "read", self._place):
             while filled < len(buffer) and (more := self.raw.readinto(buffer[filled:])):  # type: ignore[attr-defined]
                 filled += more
-        except OSError as error:
-            self._fail("read", error)
         return filled
 
     def write(self, data: bytes | memoryview) -> None:
         """Write all of `data`."""
         view = memoryview(data)
-        try:
+        with _cloud_errors(self.name, "written", self._place):
             while len(view):
                 view = view[self.raw.write(view) :]
-        except OSError as error:
-            self._fail("written", error)
 
     def read_at(self, buffer: memoryview, position: int) -> int:
         """As `readinto`, from a position; thread-safe."""
         filled = 0
-        try:
+        with _cloud_errors(self.name, "read", lambda: f"byte {position}"):
             if not hasattr(os, "preadv"):  # Windows: a handle of its own has a position of its own
                 with self._path.open("rb") as file:
                     file.seek(position)
                     return file.readinto(buffer)
             while filled < len(buffer) and (more := os.preadv(self.raw.fileno(), [buffer[filled:]], position + filled)):
                 filled += more
-        except OSError as error:
-            raise _error(self.name, f"byte {position}", "read", error) from None
         return filled
 
     def write_at(self, data: bytes | memoryview, position: int) -> None:
         """Write all of `data` at a position; thread-safe."""
         view, done = memoryview(data), 0
-        try:
+        with _cloud_errors(self.name, "written", lambda: f"byte {position}"):
             if not hasattr(os, "pwrite"):
                 with self._path.open("r+b") as file:
                     file.seek(position)
@@ -89,32 +81,28 @@ class GuardedFile:
                 return
             while done < len(view):
                 done += os.pwrite(self.raw.fileno(), view[done:], position + done)
-        except OSError as error:
-            raise _error(self.name, f"byte {position}", "written", error) from None
 
     def reserve(self, length: int) -> None:
         """Reserve `length` bytes: reports a full disk before the work, and halves the cost of writing."""
         if not hasattr(os, "posix_fallocate"):  # Windows, macOS
             return
-        try:
-            os.posix_fallocate(self.raw.fileno(), 0, length)
-        except OSError as error:
-            if error.errno not in CANNOT_RESERVE:
-                self._fail("written", error)
+        with _cloud_errors(self.name, "written", self._place):
+            try:
+                os.posix_fallocate(self.raw.fileno(), 0, length)
+            except OSError as error:
+                if error.errno not in CANNOT_RESERVE:
+                    raise
 
     def seek(self, position: int, whence: int = 0) -> int:
         """Set the position and return it."""
-        try:
+        with _cloud_errors(self.name, "positioned", self._place):
             return self.raw.seek(position, whence)
-        except OSError as error:
-            self._fail("positioned", error)
 
-    def _fail(self, verb: str, error: OSError) -> NoReturn:
+    def _place(self) -> str:
         try:
-            place = f"byte {self.raw.tell()}"
+            return f"byte {self.raw.tell()}"
         except OSError:
-            place = "file"
-        raise _error(self.name, place, verb, error) from None
+            return "file"
 
 
 @contextmanager
@@ -124,28 +112,31 @@ def new_file(path: Path, *, durable: bool = True) -> Iterator[GuardedFile]:
     Without `durable` it is renamed without waiting for the disk, as `cp` does.
     """
     part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
-    try:
+    with _cloud_errors(path.name, "created"):
         require_replaceable(path)
         raw = part.open("xb", buffering=0)
-    except OSError as error:
-        raise _error(path.name, "file", "created", error) from None
     try:
         with raw:
             yield GuardedFile(raw, path.name, part)
             if durable:
-                _settle(lambda: os.fsync(raw.fileno()), path.name)
-        _settle(lambda: part.replace(path), path.name)
-        if durable:
-            _settle(lambda: fsync_path(path.parent), path.name)
+                with _cloud_errors(path.name, "completed"):
+                    os.fsync(raw.fileno())
+        with _cloud_errors(path.name, "completed"):
+            part.replace(path)
+            if durable:
+                fsync_path(path.parent)
     finally:
         part.unlink(missing_ok=True)
 
 
-def _settle(step: Callable[[], object], name: str) -> None:
+@contextmanager
+def _cloud_errors(name: str, verb: str, place: Callable[[], str] = lambda: "file") -> Iterator[None]:
+    """Raise an OSError of the block as CloudIOError: the file `name` cannot be `verb`."""
     try:
-        step()
+        yield
     except OSError as error:
-        raise _error(name, "file", "completed", error) from None
+        what = f"it cannot be {verb} ({error.strerror})"
+        raise CloudIOError(name, place(), what, "check path, rights and free space") from None
 
 
 def fsync_path(path: Path) -> None:
@@ -157,7 +148,3 @@ def fsync_path(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def _error(name: str, place: str, verb: str, error: OSError) -> CloudIOError:
-    return CloudIOError(name, place, f"it cannot be {verb} ({error.strerror})", "check path, rights and free space")
