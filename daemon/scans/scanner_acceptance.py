@@ -8,22 +8,11 @@ from calibration.documents.validation import Document
 from daemon.model.requests import ArtefactRequest
 from registration.io.reading import open_cloud
 from registration.points.rigid_motion import scale_to_mm
+from registration.points.scanner_acceptance import BASED_ON, PositionDocument, evaluate_acceptance
 from registration.points.surface import sample_points
-from registration.scanner_acceptance import BASED_ON, Acceptance, Position, ProbedBall, evaluate_acceptance
 
 MAX_POINTS = 200_000
 """Points sampled per position: more do not change a 95 % width."""
-
-
-class PositionDocument(Document):
-    """What one view shows."""
-
-    view: int
-    """Of the view, from 0."""
-    balls: tuple[ProbedBall, ...]
-    """The balls in sight."""
-    spacing_error_mm: float | None
-    """Measured less calibrated distance, mm; null without a ball bar."""
 
 
 class AcceptanceDocument(Document):
@@ -55,18 +44,13 @@ def assess_clouds(scan_id: str, views: Sequence[tuple[Path, str]], artefact: Art
     for file, unit in views:
         with open_cloud(file) as source:
             clouds.append(sample_points(source.blocks(), source.layout, scale_to_mm(unit), MAX_POINTS))
-    found: Acceptance = evaluate_acceptance(clouds, artefact.radius_mm, artefact.spacing_mm)
+    found = evaluate_acceptance(clouds, artefact.radius_mm, artefact.spacing_mm)
     return AcceptanceDocument(
         based_on=BASED_ON,
         scan_id=scan_id,
         artefact=artefact,
-        probing_form_mm=round(found.form_mm, 5),
-        probing_size_mm=round(found.size_mm, 5),
-        sphere_spacing_mm=None if found.spacing_mm is None else round(found.spacing_mm, 5),
-        positions=[_position(view, position) for view, position in enumerate(found.positions)],
+        probing_form_mm=found.form_mm,
+        probing_size_mm=found.size_mm,
+        sphere_spacing_mm=found.spacing_mm,
+        positions=list(found.positions),
     )
-
-
-def _position(view: int, position: Position) -> PositionDocument:
-    spacing = None if position.spacing_mm is None else round(position.spacing_mm, 5)
-    return PositionDocument(view=view, balls=position.balls, spacing_error_mm=spacing)

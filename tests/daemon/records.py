@@ -6,9 +6,9 @@ from pathlib import Path
 from daemon.model.records import RunRecord
 from daemon.model.requests import ArtefactRequest
 from daemon.model.run_states import RunState
-from daemon.scans.scanner_acceptance import AcceptanceDocument, PositionDocument
+from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.database import DATABASE_NAME
-from registration.scanner_acceptance import ProbedBall
+from registration.points.scanner_acceptance import PositionDocument, ProbedBall
 
 AT = "2026-11-21T09:00:00.000Z"
 

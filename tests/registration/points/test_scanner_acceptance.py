@@ -5,7 +5,7 @@ import pytest
 
 from calibration.transforms import Array
 from registration.errors import SphereError
-from registration.scanner_acceptance import evaluate_acceptance
+from registration.points.scanner_acceptance import evaluate_acceptance
 from tests.registration.ball_bars import RADIUS_MM, SPACING_MM, ball, bar
 
 

@@ -40,19 +40,25 @@ class ProbedBall(Described):
     """Number of points."""
 
 
-@dataclass(frozen=True, eq=False)
-class Position:
-    """Result of one cloud: one ball, or the two of a ball bar with their spacing error."""
+@dataclass(frozen=True)
+class PositionDocument(Described):
+    """What one view shows."""
 
+    __pydantic_config__: ClassVar[ConfigDict] = IN_DOCUMENTS
+
+    view: int
+    """Of the view, from 0."""
     balls: tuple[ProbedBall, ...]
-    spacing_mm: float | None
+    """The balls in sight."""
+    spacing_error_mm: float | None
+    """Measured less calibrated distance, mm; null without a ball bar."""
 
 
 @dataclass(frozen=True, eq=False)
 class Acceptance:
     """Largest magnitudes over all positions; `spacing_mm` is None without a ball bar."""
 
-    positions: tuple[Position, ...]
+    positions: tuple[PositionDocument, ...]
     form_mm: float
     size_mm: float
     spacing_mm: float | None
@@ -62,27 +68,26 @@ def evaluate_acceptance(clouds: Sequence[Array], radius_mm: float, spacing_mm: f
     """Evaluate one cloud (n, 3) in mm per position. Raises SphereError, naming the position."""
     if not clouds:
         raise SphereError("there are no positions", "scan the artefact in at least one")
-    positions = tuple(_position(index, points, radius_mm, spacing_mm) for index, points in enumerate(clouds))
+    positions: list[PositionDocument] = []
+    for view, points in enumerate(clouds):
+        try:
+            first, centre, rest = _ball(points, radius_mm)
+            if spacing_mm is None:
+                positions.append(PositionDocument(view, (first,), None))
+                continue
+            second, other, _ = _ball(rest, radius_mm)
+        except SphereError as error:
+            raise SphereError(f"position {view}: {error.what}", error.fix) from None
+        error_mm = float(np.linalg.norm(other - centre)) - spacing_mm
+        positions.append(PositionDocument(view, (first, second), round(error_mm, 5)))
     balls = [ball for position in positions for ball in position.balls]
-    spacings = [position.spacing_mm for position in positions if position.spacing_mm is not None]
+    spacings = [position.spacing_error_mm for position in positions if position.spacing_error_mm is not None]
     return Acceptance(
-        positions,
+        tuple(positions),
         max(ball.form_mm for ball in balls),
         max((ball.size_mm for ball in balls), key=abs),
         max(spacings, key=abs) if spacings else None,
     )
-
-
-def _position(index: int, points: Array, radius_mm: float, spacing_mm: float | None) -> Position:
-    try:
-        first, centre, rest = _ball(points, radius_mm)
-        if spacing_mm is None:
-            return Position((first,), None)
-        second, other, _ = _ball(rest, radius_mm)
-    except SphereError as error:
-        raise SphereError(f"position {index}: {error.what}", error.fix) from None
-    apart = float(np.linalg.norm(other - centre))
-    return Position((first, second), apart - spacing_mm)
 
 
 def _ball(points: Array, radius_mm: float) -> tuple[ProbedBall, Array, Array]:
