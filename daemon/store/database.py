@@ -7,7 +7,6 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -69,8 +68,8 @@ class Database:
         self.commit_callbacks: list[Callable[[], None]] = []
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="store")
         try:
-            connect = _connect_read_only if read_only else partial(_connect, migrate=migrate)
-            self._connection = self.thread.submit(connect, path).result()
+            connecting = self.thread.submit(_connect, path, read_only=read_only, migrate=migrate)
+            self._connection = connecting.result()
         except BaseException:
             self.thread.shutdown()
             raise
@@ -136,30 +135,23 @@ def _run(work: Callable[[], Answer], place: Path) -> Answer:
         return work()
 
 
-def _connect_read_only(path: Path) -> sqlite3.Connection:
+def _connect(path: Path, *, read_only: bool, migrate: bool) -> sqlite3.Connection:
     with storage_errors(path):
-        uri = f"{path.resolve().as_uri()}?mode=ro"
-        connection = sqlite3.connect(uri, uri=True, check_same_thread=False, isolation_level=None)
+        if not read_only:
+            make_folder(path.parent)
+            # For owner and group; SQLite gives its other files the same mode. A file that is there is not opened:
+            # closing it would release the locks of this process' other connections.
+            with suppress(FileExistsError):
+                os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640))
+        place = f"{path.resolve().as_uri()}?mode=ro" if read_only else path
+        connection = sqlite3.connect(place, uri=read_only, check_same_thread=False, isolation_level=None)
         try:
-            connection.execute("PRAGMA query_only = ON")
-            if connection.execute("PRAGMA user_version").fetchone() == (0,):
+            if not read_only:
+                _prepare(connection, path, migrate)
+            elif connection.execute("PRAGMA user_version").fetchone() == (0,):
                 raise StorageInconsistent(f"{path} is empty, and should not be", Sentence("restore-into-empty"))
-        except BaseException:
-            connection.close()
-            raise
-        return connection
-
-
-def _connect(path: Path, migrate: bool) -> sqlite3.Connection:
-    with storage_errors(path):
-        make_folder(path.parent)
-        # For owner and group; SQLite gives its other files the same mode. A file that is there is not opened: closing
-        # it would release the locks of this process' other connections.
-        with suppress(FileExistsError):
-            os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640))
-        connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
-        try:
-            _prepare(connection, path, migrate)
+            else:
+                connection.execute("PRAGMA query_only = ON")
         except BaseException:
             connection.close()
             raise

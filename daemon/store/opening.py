@@ -3,7 +3,7 @@
 import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 from daemon.errors import StorageError, StorageInconsistent, StorageInUse
@@ -11,13 +11,38 @@ from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.store.consistency import OpenFiles, StoreFault, find_fault
 from daemon.store.database import DATABASE_NAME, Database, storage_errors
 from daemon.store.lock import FolderLock
-from daemon.store.restore import finish_restore
+from registration.io.durable_file import fsync_path
 
 MAX_CHECK_S = 5.0
 """How long the start looks at the pages of the database; the rest is looked at while the daemon works."""
 
 MAX_CHECK_ROWS = 10_000
 """How many of the latest rows of the audit log the start checks."""
+
+CHECKED = ".restored"
+"""In the store's folder: a backup that `daemon.store.restore` has unpacked and checked, until it is moved in."""
+
+
+def finish_restore(store: Path) -> None:
+    """Move a checked backup into the store, if there is one that an interrupted `restore` left. Raises StorageError.
+
+    The caller holds the store's lock.
+    """
+    checked = store / CHECKED
+    if not checked.is_dir():
+        return
+    with storage_errors(store):
+        for entry in sorted(checked.iterdir(), key=lambda entry: entry.name == DATABASE_NAME):
+            target = store / entry.name
+            if os.path.lexists(target):
+                raise StorageError(
+                    f"a restore into {store} cannot be finished: {entry.name} is there already", f"move {target} away"
+                )
+            if entry.name == DATABASE_NAME:
+                fsync_path(store)
+            entry.rename(target)
+        fsync_path(store)
+        checked.rmdir()
 
 
 def roll_back(path: Path) -> None:
@@ -54,32 +79,24 @@ class LockedStore:
 
     def __init__(self, folder: Path, at: Failpoints = NO_FAILPOINTS) -> None:
         """Raises StorageError, StorageTooNew, StorageInUse; StorageInconsistent when there is nothing to read."""
-        self.lock = FolderLock(folder)
-        self._connections: list[Database] = []
-        try:
+        with ExitStack() as opened:
+            opened.callback(FolderLock(folder).release)
             finish_restore(folder)
             path = folder / DATABASE_NAME
             roll_back(path)
             fault = find_fault(path, MAX_CHECK_S, MAX_CHECK_ROWS)
             if fault is not None and not path.exists():
                 raise StorageInconsistent(fault.what, fault.fix)
-            self.database = self._connect(path, read_only=fault is not None, at=at)
-            self.key_reader, self.list_reader = (self._connect(path, read_only=True) for _ in range(2))
+            self.database = opened.enter_context(closing(Database(path, read_only=fault is not None, at=at)))
+            self.key_reader, self.list_reader = (
+                opened.enter_context(closing(Database(path, read_only=True))) for _ in range(2)
+            )
             self.database.guard = self.guard = WriteGuard(OpenFiles(folder), fault)
-        except BaseException:
-            self.close()
-            raise
+            self._opened = opened.pop_all()
 
     def close(self) -> None:
         """Close the connections, then release the lock. The database is closed last: that empties its log."""
-        for connection in reversed(self._connections):
-            connection.close()
-        self.lock.release()
-
-    def _connect(self, path: Path, *, read_only: bool, at: Failpoints = NO_FAILPOINTS) -> Database:
-        connection = Database(path, read_only=read_only, at=at)
-        self._connections.append(connection)
-        return connection
+        self._opened.close()
 
 
 @contextmanager

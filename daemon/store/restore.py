@@ -22,11 +22,11 @@ from daemon.store.backup import FOLDERS, FORMAT, MANIFEST, BackupManifestDocumen
 from daemon.store.consistency import NO_LIMIT_S, count_missing_files, find_fault
 from daemon.store.database import DATABASE_NAME, SCHEMA_VERSION, storage_errors
 from daemon.store.lock import LOCK_NAME, FolderLock
+from daemon.store.opening import CHECKED, finish_restore
 from daemon.store.run_ages import AGES_NAME
 from registration.io.durable_file import fsync_path
 
 UNPACKED = ".restoring"
-CHECKED = ".restored"
 
 _NAME = re.compile(
     rf"{re.escape(DATABASE_NAME)}|audit-anchor\.json|{re.escape(MANIFEST)}"
@@ -79,28 +79,6 @@ def restore(source: Path, store: Path) -> int:
         return len(found.hashes)
     finally:
         lock.release()
-
-
-def finish_restore(store: Path) -> None:
-    """Move a checked backup into the store, if there is one that an interrupted `restore` left. Raises StorageError.
-
-    The caller holds the store's lock.
-    """
-    checked = store / CHECKED
-    if not checked.is_dir():
-        return
-    with storage_errors(store):
-        for entry in sorted(checked.iterdir(), key=lambda entry: entry.name == DATABASE_NAME):
-            target = store / entry.name
-            if os.path.lexists(target):
-                raise StorageError(
-                    f"a restore into {store} cannot be finished: {entry.name} is there already", f"move {target} away"
-                )
-            if entry.name == DATABASE_NAME:
-                fsync_path(store)
-            entry.rename(target)
-        fsync_path(store)
-        checked.rmdir()
 
 
 def _require_empty(store: Path) -> None:
