@@ -1,4 +1,4 @@
-"""scan.json (clouds with poses), profiles.json (sweeps of a line profiler), and the report of a registration."""
+"""profiles.json (sweeps of a line profiler), and the report of a registration."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -6,48 +6,12 @@ from typing import Annotated, Literal
 from pydantic import Field, with_config
 
 from calibration.documents.calibration import CorrectionDocument, VerdictDocument
-from calibration.documents.external_axis import ExternalAxes
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document
-from calibration.problem import Setup
 from calibration.sentences.described import Described
 from calibration.targets import IN_DOCUMENTS
-from registration.points.rigid_motion import Unit
 
 Positive = Annotated[float, Field(gt=0)]
-
-
-class ScanViewDocument(Document):
-    """One cloud, its flange pose, and the arm's axes there where they are known. `external_axes`: needed where the
-    calibration has one."""
-
-    cloud: str
-    """Name of a cloud beside the document."""
-    unit: Unit
-    """Of the cloud's lengths: m or mm; never guessed."""
-    base_T_flange: PoseDocument
-    """The flange (tool0) in the base (wobj0): maps coordinates of the flange to the base, mm."""
-    joints_deg: Annotated[tuple[float, ...], Field(min_length=1, max_length=12)] | None = None
-    """Joint angles where they were recorded, degrees."""
-    external_axes: ExternalAxes | None = None
-    """The controller's axes beside the arm at the pose, mm or degrees; null for one it does not have."""
-
-
-class ScanDocument(Document):
-    """Content of scan.json."""
-
-    heading = "scanjson"
-
-    schema_version: Literal[1]
-    """Version of the format."""
-    source: str = ""
-    """Where it came from, for people."""
-    setup: Setup
-    """eye-in-hand: the camera is on the flange; eye-to-hand: the camera stands in the cell."""
-    range_mm: tuple[Positive, Positive] | None = None
-    """Nearest and farthest at which the scanner measures, as its data sheet states; null where that is not known."""
-    views: list[ScanViewDocument]
-    """The clouds of one part."""
 
 
 TimeUnit = Literal["s", "ms", "us", "us/1.024"]
@@ -152,41 +116,3 @@ class RegistrationReportDocument(Document):
     """Durations, s."""
     verdict: VerdictDocument
     """Whether it may be used, and why not."""
-
-
-class StitchedPairDocument(Document):
-    """Two views of one surface: by how much the second lies off the first, in the base."""
-
-    views: tuple[int, int]
-    """Numbers of the two views, from 0."""
-    gap_mm: float
-    """Median distance along the first's normals, positive towards its scanner, mm."""
-    width_mm: float
-    """Width of the middle 95 % of the distances, mm."""
-    base_offset_mm: tuple[float, float, float]
-    """The shift that explains the distances best, along the base's axes, mm."""
-    offset_mm: float
-    """Its length, mm."""
-    directions: tuple[tuple[float, float, float], ...]
-    """Directions in the base that the normals show: one of a plane, two of an edge, three of a corner."""
-    sigma_mm: tuple[float, ...]
-    """Of the shift along each direction, by the scanner's noise, mm."""
-    pairs: int
-    """Number of pairs of points."""
-    overlap: float
-    """Share of the second's points that have a partner, 0 to 1."""
-
-
-class StitchingDocument(Document):
-    """The gaps between all views that overlap."""
-
-    heading = "stitching"
-
-    schema_version: Literal[1] = 1
-    """Version of the format."""
-    calibration_id: str
-    """Of the calibration that was used."""
-    largest_mm: float
-    """Largest of the gaps and shifts, mm."""
-    pairs: tuple[StitchedPairDocument, ...]
-    """The pairs of views that overlap."""

@@ -5,33 +5,26 @@ it prints X). Refinement puts a small motion before it.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.calibration_in_use import CalibrationInUse
-from calibration.documents.validation import parse_document
 from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, MIN_POSE_NOISE, RobotNoise
 from calibration.kinematics.stance import Stance
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array
-from registration.documents import ScanDocument
 from registration.errors import ScanError
 from registration.fusion.concatenation import OnProgress, ignore_progress, report_part, size_of
 from registration.fusion.overlap import Agreement, agreement
 from registration.fusion.pose_adjustment import MAX_ITERATIONS, Refinement, refine_poses
-from registration.io.convert import move_file
-from registration.io.durable_file import GuardedFile
 from registration.io.reading import open_cloud
 from registration.points.layout import Layout, Records
-from registration.points.range_check import POSSIBLE_MM, RangeCheck, RangeMm, range_of
+from registration.points.range_check import POSSIBLE_MM, RangeCheck, RangeMm
 from registration.points.rigid_motion import RigidMotion, scale_to_mm
 from registration.points.surface import MAX_RANGE_MM, POINT_LIMIT, Surface, sample_points
-
-DOCUMENT_LIMIT = 1 << 26
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +66,6 @@ class PlacedView:
 
     view: ScanView
     base_T_camera: Array
-    layout: Layout
     points: int
     non_finite: int
 
@@ -86,38 +78,6 @@ class Registration:
     before: Agreement
     after: Agreement | None
     refinement: Refinement | None
-
-
-def read_scan(folder: Path) -> list[ScanView]:
-    """Views of a folder's scan.json. Raises CloudIOError, DocumentError, ScanError."""
-    path = folder / "scan.json"
-    with GuardedFile.reading(path, str(path)) as file:
-        document = parse_document(ScanDocument, file.read(min(DOCUMENT_LIMIT, path.stat().st_size)), str(path))
-    if not document.views:
-        raise ScanError(f"{path} has no views", "add at least one")
-    for index, view in enumerate(document.views):
-        if Path(view.cloud).name != view.cloud:
-            raise ScanError(f"{path}: views[{index}].cloud leaves the folder", "name a file beside scan.json")
-    return [
-        ScanView(
-            folder / view.cloud,
-            view.unit,
-            Stance.of_degrees(view.base_T_flange.transform(), view.joints_deg, view.external_axes),
-            document.setup,
-            range_of(document.range_mm),
-        )
-        for view in document.views
-    ]
-
-
-def place_views(calibration: CalibrationInUse, views: Sequence[ScanView]) -> list[ScanView]:
-    """The views in the poses that the calibration gives to those reported. Raises as its `base_T_flange`."""
-    poses = calibration.base_T_flange([view.stance for view in views])
-    placed = [replace(view, stance=Stance(pose)) for view, pose in zip(views, poses, strict=True)]
-    if calibration.arm is None or setup_of(views) == "eye-to-hand":
-        return placed
-    by_arm = range_of(None, calibration.arm.model.arm.reach_mm)
-    return [replace(view, range_mm=by_arm) if view.range_mm == POSSIBLE_MM else view for view in placed]
 
 
 def setup_of(views: Sequence[ScanView]) -> Setup:
@@ -224,7 +184,7 @@ def register_views(
         poses = [found.motion @ pose for found, pose in zip(refinement.corrections, poses, strict=True)]
         after = agreement(surfaces, poses)
     placed = tuple(
-        PlacedView(view, pose, sample.layout, sample.points, sample.non_finite)
+        PlacedView(view, pose, sample.points, sample.non_finite)
         for view, pose, sample in zip(views, poses, samples, strict=True)
     )
     return Registration(placed, before, after, refinement)
@@ -248,16 +208,3 @@ class _CountedBlocks:
             if self._count:
                 self._on_read(min(self.points / self._count, 1.0))
             yield measured
-
-
-def write_views(views: Sequence[PlacedView], folder: Path) -> list[Path]:
-    """Write each view in base, in mm, under its own name in `folder`, with its format and columns.
-
-    Raises CloudError's leaves, ScanError when `folder` is the scan's own.
-    """
-    targets = [folder / placed.view.path.name for placed in views]
-    if any(target.resolve() == placed.view.path.resolve() for target, placed in zip(targets, views, strict=True)):
-        raise ScanError(f"{folder} holds the scan itself", "name another folder for the registered views")
-    for target, placed in zip(targets, views, strict=True):
-        move_file(placed.view.path, target, RigidMotion.of(placed.base_T_camera, placed.view.unit))
-    return targets

@@ -20,12 +20,11 @@ from daemon.tools.batch_registration.remote_folder import RemoteFolder
 from daemon.tools.batch_registration.tasks import file_hash
 from daemon.tools.support_bundle.bundle import gather
 from daemon.webhooks.dispatcher import SecretUnusable, read_secrets
-from registration.documents import ScanDocument
 from registration.errors import CloudError
 from registration.io.convert import move_file
 from registration.io.reading import PARSERS, SPECIAL, open_cloud
 from registration.points.rigid_motion import RigidMotion
-from registration.scan import read_scan
+from registration.scan_folder import ScanDocument, read_scan
 from tests.registration.clouds import BASE_T_CAMERA
 
 HUGE_BYTES = 1 << 43

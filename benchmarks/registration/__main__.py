@@ -29,7 +29,8 @@ from registration.points.rigid_motion import move_points
 from registration.points.sphere_fit import find_artefact
 from registration.points.surface import Surface
 from registration.points.voxel_grid import VoxelGrid
-from registration.scan import ScannerMount, read_scan, register_views, sample_views
+from registration.scan import ScannerMount, register_views, sample_views
+from registration.scan_folder import read_scan
 
 
 def kernel(points: int) -> None:

@@ -24,8 +24,8 @@ from calibration.transforms import Array, inverse, map_points, rotation_from_vec
 from registration.fusion.merging import Merge
 from registration.io.formats import ply
 from registration.points.layout import XYZ_FLOAT32
-from registration.report import register_scan
-from registration.scan import ScannerMount, read_scan
+from registration.scan import ScannerMount
+from registration.scan_folder import read_scan, register_scan
 
 LENGTH_MM, WIDTH_MM = 2000.0, 1000.0
 STRIP_VIEWS = 3.0

@@ -43,8 +43,8 @@ def register(
     from daemon.cli.arm_file import read_in_use
     from daemon.cli.compare import read_calibration
     from registration.fusion.merging import Merge
-    from registration.report import register_scan
-    from registration.scan import place_views, read_scan, scanner_mount_of
+    from registration.scan import scanner_mount_of
+    from registration.scan_folder import place_views, read_scan, register_scan
 
     document = read_calibration(calibration)
     merge = Merge(voxel_mm, normals, cast("Outliers", outliers))

@@ -50,7 +50,8 @@ def solve_scan(
     from registration.calibrate.outcome import judge_scan
     from registration.calibrate.sphere import solve_sphere_scan
     from registration.calibrate.surfaces import solve_surface_scan
-    from registration.scan import read_scan, setup_of
+    from registration.scan import setup_of
+    from registration.scan_folder import read_scan
 
     views, (limits, points) = read_scan(folder), required
     if radius_mm is not None:

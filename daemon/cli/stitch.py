@@ -9,7 +9,7 @@ from daemon.cli.errors import ExitStatus, require_finite
 from daemon.cli.output import ArmErrors, ArmTemperature, Json
 
 if TYPE_CHECKING:
-    from registration.documents import StitchedPairDocument
+    from registration.scan_folder import StitchedPairDocument
 
 SHOWN = ("nothing", "a plane", "an edge", "all directions")
 
@@ -31,8 +31,8 @@ def stitch(
     """
     from daemon.cli.arm_file import read_in_use
     from daemon.cli.compare import read_calibration
-    from registration.report import stitch_views
-    from registration.scan import place_views, read_scan, scanner_mount_of
+    from registration.scan import scanner_mount_of
+    from registration.scan_folder import place_views, read_scan, stitch_views
 
     require_finite(tolerance_mm=tolerance_mm, reach_mm=reach_mm, arm_temperature=arm_temperature)
     given = read_in_use(read_calibration(calibration), arm, arm_temperature)

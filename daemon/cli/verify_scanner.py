@@ -37,7 +37,7 @@ def verify_scanner(
     """
     from daemon.model.requests import ArtefactRequest
     from daemon.scans.scanner_acceptance import assess_clouds
-    from registration.scan import read_scan
+    from registration.scan_folder import read_scan
 
     require_finite(radius_mm=radius_mm, spacing_mm=spacing_mm, limit_mm=limit_mm)
     artefact = ArtefactRequest(radius_mm=radius_mm, spacing_mm=spacing_mm)

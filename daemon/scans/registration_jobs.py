@@ -197,7 +197,7 @@ def _register(
     hand = ScannerMount(given.calibration_id, wanted.flange_T_scanner, given.noise)
     rest = partial(report_part, on_progress, reading, 1 - reading)
     registration = register_views(wanted.views, samples, hand, refine=wanted.refine, on_progress=rest)
-    _, lost = common_layout(view.layout for view in registration.views)
+    _, lost = common_layout(sample.layout for sample in samples)
     points = sum(view.points - view.non_finite for view in registration.views)
     seconds = {"read": read - began, "register": clock() - read, "write": 0.0}
     findings = [*wanted.findings, *unit_findings(samples), *column_findings(lost)]

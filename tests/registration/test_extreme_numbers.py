@@ -16,8 +16,7 @@ from registration.io.convert import move_file
 from registration.io.writing import new_cloud
 from registration.points.layout import Layout
 from registration.points.rigid_motion import RigidMotion
-from registration.report import register_scan
-from registration.scan import read_scan
+from registration.scan_folder import read_scan, register_scan
 from tests.registration.parts import FLANGE_T_CAMERA, HAND, ticks, write_scan
 from tests.support.cases import cases
 

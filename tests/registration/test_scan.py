@@ -18,8 +18,8 @@ from registration.io.reading import open_cloud
 from registration.points.layout import XYZ_FLOAT32
 from registration.points.surface import PointSample, Surface, sample_points
 from registration.points.voxel_grid import VoxelGrid
-from registration.report import register_scan
-from registration.scan import ScannerMount, read_scan, register_views, sample_views, write_views
+from registration.scan import ScannerMount, register_views, sample_views
+from registration.scan_folder import read_scan, register_scan, write_views
 from tests.registration.clouds import RICH, cloud, xyz
 from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, flat, poses, ticks, view_of, write_scan, wrong
 

@@ -17,7 +17,7 @@ from calibration.documents.target import described
 from calibration.documents.validation import validate_document
 from daemon.sessions.session_files import SESSION_FILE
 from daemon.sessions.session_import.request import Understood, are_clouds, views_of
-from registration.documents import ScanDocument
+from registration.scan_folder import ScanDocument
 
 SCAN_FILE = "scan.json"
 

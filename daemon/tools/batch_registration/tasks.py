@@ -13,12 +13,11 @@ from calibration.documents.validation import Document, parse_document
 from calibration.errors import CalibrationError
 from daemon.tools.batch_registration.errors import ArchiveError
 from daemon.tools.batch_registration.remote_folder import RemoteFolder
-from registration.documents import ScanDocument
 from registration.errors import RegistrationError
 from registration.fusion.merging import Merge
 from registration.io.regular_file import open_regular
-from registration.report import register_scan
-from registration.scan import place_views, read_scan, scanner_mount_of
+from registration.scan import scanner_mount_of
+from registration.scan_folder import ScanDocument, place_views, read_scan, register_scan
 
 MANIFEST_NAME = "manifest.json"
 """Hashes of a registered scan's inputs and files. Written last, so it marks a finished scan."""

@@ -23,7 +23,8 @@ from daemon.store.backup import BackupManifestDocument
 from daemon.tools.acceptance_report import RobotAcceptanceDocument
 from daemon.tools.batch_registration.tasks import ManifestDocument, OutcomeDocument
 from daemon.tools.setup_record import SetupRecordDocument
-from registration.documents import ProfilesDocument, RegistrationReportDocument, ScanDocument, StitchingDocument
+from registration.documents import ProfilesDocument, RegistrationReportDocument
+from registration.scan_folder import ScanDocument, StitchingDocument
 from tests.calibration.documents.schema_examples import (
     ACCEPTANCE,
     BACKUP,

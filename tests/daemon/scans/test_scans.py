@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import DeviceTimeout
 from registration.io.formats.ply import parse_header
-from registration.scan import read_scan
+from registration.scan_folder import read_scan
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.clouds import OCTETS, PLY, POSES, cloud, in_base

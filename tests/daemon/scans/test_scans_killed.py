@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from registration.io.reading import open_cloud
-from registration.scan import read_scan
+from registration.scan_folder import read_scan
 from tests.daemon.clouds import PLY, POSES, cloud
 from tests.daemon.daemon_process import a_daemon
 from tests.daemon.fakes import ply_of

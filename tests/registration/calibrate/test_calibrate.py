@@ -18,7 +18,8 @@ from registration.calibrate.outcome import judge_scan
 from registration.calibrate.sphere import solve_sphere_scan
 from registration.calibrate.surfaces import solve_surface_scan
 from registration.errors import ScanError
-from registration.scan import read_scan, register_views, sample_views, scanner_mount_of
+from registration.scan import register_views, sample_views, scanner_mount_of
+from registration.scan_folder import read_scan
 from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, flat, poses, view_of, write_scan, wrong
 from tests.registration.spheres import CENTRE_IN_BASE, cap, looks
 

@@ -15,8 +15,7 @@ from registration.io.reading import open_cloud
 from registration.points.hash_index import CellIndex
 from registration.points.layout import XYZ_FLOAT32, Layout, Records
 from registration.points.voxel_grid import VoxelGrid
-from registration.report import register_scan
-from registration.scan import read_scan
+from registration.scan_folder import read_scan, register_scan
 from tests.registration.clouds import RICH, cloud, xyz
 from tests.registration.parts import FLANGE_T_CAMERA, HAND, bumpy, poses, ticks, view_of, write_scan
 from tests.support.cases import cases

@@ -9,8 +9,7 @@ import pytest
 from registration.errors import ScanError
 from registration.points.layout import XYZ_FLOAT64
 from registration.points.range_check import RangeCheck, range_of
-from registration.report import register_scan
-from registration.scan import read_scan
+from registration.scan_folder import read_scan, register_scan
 from tests.registration.parts import HAND, flat, poses, ticks, view_of, write_scan
 
 NONE = float("nan")

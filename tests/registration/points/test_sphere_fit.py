@@ -10,7 +10,8 @@ from calibration.transforms import Array, difference, inverse, map_points, trans
 from registration.calibrate.sphere_solver import SphereSolution, SphereView, solve_from_sphere
 from registration.errors import SphereError
 from registration.points.sphere_fit import find_artefact, fit_sphere
-from registration.scan import ScannerMount, read_scan, register_views, sample_views
+from registration.scan import ScannerMount, register_views, sample_views
+from registration.scan_folder import read_scan
 from tests.registration.parts import FLANGE_T_CAMERA
 from tests.registration.spheres import CENTRE_IN_BASE, cap, looks
 
