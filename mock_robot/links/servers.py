@@ -12,10 +12,10 @@ from mock_robot.devices.tcp_server import TcpServer
 from mock_robot.faults.board import FaultBoard
 from mock_robot.links.cb_program import HEARTBEAT_S, Controller
 from protocols.cb.codes import Command, SessionState, Status
-from protocols.cb.controller import ControllerSession
-from protocols.cb.events import (
+from protocols.cb.controller import (
     BadChecksum,
     ControllerEvent,
+    ControllerSession,
     DuplicateAnswered,
     DuplicatePending,
     RequestReceived,

@@ -13,20 +13,77 @@ from protocols.cb.codes import (
     Status,
 )
 from protocols.cb.errors import NotAllowedNow, NothingToAnswer, PayloadRefused, RequestOutstanding
-from protocols.cb.events import (
-    ClientEvent,
-    GarbledReply,
-    GreetingLost,
-    RepeatWanted,
-    ReplyReceived,
-    SessionChanged,
-    UnexpectedReply,
-    Unsolicited,
-)
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
 from protocols.cb.layouts import ANSWERS, COMMAND_OF, good_status, pack, unpack
 from protocols.cb.messages import Refused, Reply, Request, Stop, Welcome
 from protocols.counter import next_count
+
+
+@dataclass(frozen=True)
+class ReplyReceived:
+    """The outstanding request was answered."""
+
+    seq: int
+    request: Request
+    reply: Reply
+
+
+@dataclass(frozen=True)
+class RepeatWanted:
+    """The controller received the request with a wrong checksum and did nothing: send `repeat()`."""
+
+    seq: int
+
+
+@dataclass(frozen=True)
+class SessionChanged:
+    """The controller's session number changed: it restarted and has forgotten earlier moves."""
+
+    before: int
+    now: int
+
+
+@dataclass(frozen=True)
+class GreetingLost:
+    """The controller requires HELLO again: it restarted, on a serial line, which shows no disconnection."""
+
+
+@dataclass(frozen=True)
+class Unsolicited:
+    """A message the controller sent by itself (sequence number 0)."""
+
+    reply: Reply
+    command: int
+
+
+@dataclass(frozen=True)
+class UnexpectedReply:
+    """A well-formed reply that matches no outstanding request: late or repeated."""
+
+    seq: int
+    command: int
+
+
+@dataclass(frozen=True)
+class GarbledReply:
+    """A complete frame whose payload does not fit its command; repeating the request would not help."""
+
+    seq: int
+    reason: str
+
+
+ClientEvent = (
+    ReplyReceived
+    | RepeatWanted
+    | SessionChanged
+    | GreetingLost
+    | Unsolicited
+    | UnexpectedReply
+    | GarbledReply
+    | ChecksumFailed
+    | GarbageSkipped
+    | FramingBroken
+)
 
 
 @dataclass(frozen=True)

@@ -4,18 +4,64 @@ from dataclasses import dataclass
 
 from protocols.cb.codes import ALLOWED_COMMANDS, REPLY_BIT, STATE_AFTER, VERSION, Command, SessionState, Status
 from protocols.cb.errors import NothingToAnswer, PayloadRefused
-from protocols.cb.events import (
-    BadChecksum,
-    ControllerEvent,
-    DuplicateAnswered,
-    DuplicatePending,
-    RequestReceived,
-    RequestRejected,
-)
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
 from protocols.cb.layouts import ANSWERS, COMMAND_OF, REQUESTS, good_status, pack, unpack
-from protocols.cb.messages import Hello, Refused, Reply, Success
+from protocols.cb.messages import Hello, Refused, Reply, Request, Success
 from protocols.counter import MAX_COUNT
+
+
+@dataclass(frozen=True)
+class RequestReceived:
+    """A new request: execute it and call `reply(seq, ...)`."""
+
+    seq: int
+    message: Request
+
+
+@dataclass(frozen=True)
+class RequestRejected:
+    """The session refused a request by itself; send `answer`."""
+
+    seq: int
+    command: int
+    status: Status
+    reason: str
+    answer: bytes
+
+
+@dataclass(frozen=True)
+class BadChecksum:
+    """A frame had a wrong checksum and was ignored; send `answer` (BAD_SUM)."""
+
+    seq: int
+    command: int
+    answer: bytes
+
+
+@dataclass(frozen=True)
+class DuplicateAnswered:
+    """The last request was repeated and not executed again; send `answer`, the stored reply."""
+
+    seq: int
+    answer: bytes
+
+
+@dataclass(frozen=True)
+class DuplicatePending:
+    """The last request was repeated before its reply was ready; send nothing, the reply follows."""
+
+    seq: int
+
+
+ControllerEvent = (
+    RequestReceived
+    | RequestRejected
+    | BadChecksum
+    | DuplicateAnswered
+    | DuplicatePending
+    | GarbageSkipped
+    | FramingBroken
+)
 
 
 def is_older(seq: int, last: int) -> bool:

@@ -8,9 +8,8 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from protocols.cb import messages as cb
-from protocols.cb.client import ClientSession
+from protocols.cb.client import ClientEvent, ClientSession, ReplyReceived
 from protocols.cb.codes import Status
-from protocols.cb.events import ClientEvent, ReplyReceived
 from tests.support.waiting import LIMIT_S
 
 

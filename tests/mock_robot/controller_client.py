@@ -14,9 +14,8 @@ from mock_robot.faults.tables import FAULTS
 from mock_robot.links.cb_program import Controller
 from mock_robot.links.servers import ControllerLink
 from protocols.cb import messages as cb
-from protocols.cb.client import ClientSession
+from protocols.cb.client import ClientEvent, ClientSession, ReplyReceived
 from protocols.cb.codes import MoveKind, Status
-from protocols.cb.events import ClientEvent, ReplyReceived
 
 ARM = find_arm("IRB 1600-6/1.45")
 HOME = np.radians([0.0, 15.0, 0.0, 0.0, 65.0, 0.0])

@@ -23,8 +23,8 @@ from mock_robot.scene.scanner_view import cloud_ply
 from mock_robot.truth.start_posture import START_DISTANCE_MM, target_middle_mm
 from mock_robot.truth.truth import CellNoise, CellTruth
 from protocols.cb import messages as cb
+from protocols.cb.client import SessionChanged
 from protocols.cb.codes import Command, Flag, Status
-from protocols.cb.events import SessionChanged
 from tests.mock_robot.cb_client import over_serial, over_tcp
 from tests.mock_robot.controller_client import AWAY, HOME, move_to
 from tests.mock_robot.running_cell import RunningCell, cell_process, running_cell

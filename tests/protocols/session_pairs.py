@@ -2,10 +2,7 @@
 
 from protocols.cb.client import ClientSession
 from protocols.cb.codes import Capability, Flag, MoveKind, Status
-from protocols.cb.controller import ControllerSession
-from protocols.cb.events import (
-    RequestReceived,
-)
+from protocols.cb.controller import ControllerSession, RequestReceived
 from protocols.cb.messages import Hello, Move, Report, Welcome
 from tests.protocols.rows import FLANGE, NO_AXES, REPLY_ROWS, REQUEST_ROWS
 

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocols.cb.client import ClientSession
+from protocols.cb.client import ClientSession, ReplyReceived
 from protocols.cb.codes import REPLY_BIT, Capability, Command, Status
-from protocols.cb.events import ReplyReceived
 from protocols.cb.frames import Frame
 from protocols.cb.layouts import pack
 from protocols.cb.messages import GetPose, Hello, Pose, Welcome

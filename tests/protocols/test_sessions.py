@@ -4,24 +4,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.cb.client import ClientSession
-from protocols.cb.codes import ALLOWED_COMMANDS, STATE_AFTER, Command, SessionState, Status
-from protocols.cb.controller import ControllerSession, is_older
-from protocols.cb.errors import NotAllowedNow, NothingToAnswer, RequestOutstanding
-from protocols.cb.events import (
-    BadChecksum,
-    DuplicateAnswered,
-    DuplicatePending,
+from protocols.cb.client import (
+    ClientSession,
     GarbledReply,
     GreetingLost,
     RepeatWanted,
     ReplyReceived,
-    RequestReceived,
-    RequestRejected,
     SessionChanged,
     UnexpectedReply,
     Unsolicited,
 )
+from protocols.cb.codes import ALLOWED_COMMANDS, STATE_AFTER, Command, SessionState, Status
+from protocols.cb.controller import (
+    BadChecksum,
+    ControllerSession,
+    DuplicateAnswered,
+    DuplicatePending,
+    RequestReceived,
+    RequestRejected,
+    is_older,
+)
+from protocols.cb.errors import NotAllowedNow, NothingToAnswer, RequestOutstanding
 from protocols.cb.frames import ChecksumFailed, Frame, FramingBroken, GarbageSkipped
 from protocols.cb.layouts import COMMAND_OF
 from protocols.cb.messages import (

@@ -4,12 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from protocols.cb.client import ReplyReceived
 from protocols.cb.codes import SessionState
-from protocols.cb.events import (
-    BadChecksum,
-    ReplyReceived,
-    RequestReceived,
-)
+from protocols.cb.controller import BadChecksum, RequestReceived
 from protocols.cb.frames import GarbageSkipped
 from protocols.cb.layouts import REQUESTS
 from protocols.cb.messages import SetArmed

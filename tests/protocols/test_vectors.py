@@ -4,8 +4,7 @@ import pytest
 
 from protocols.cb.client import ClientSession
 from protocols.cb.codes import REPLY_BIT, Command, Flag
-from protocols.cb.controller import ControllerSession
-from protocols.cb.events import RequestReceived
+from protocols.cb.controller import ControllerSession, RequestReceived
 from protocols.cb.frames import Frame, FrameReader, fletcher16
 from protocols.cb.layouts import pack, unpack
 from protocols.cb.messages import Hello, Ping, Pose

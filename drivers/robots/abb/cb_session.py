@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost
 from drivers.timing import Timing
 from drivers.transports.transport import Connection
-from protocols.cb.client import ClientSession
+from protocols.cb.client import ClientEvent, ClientSession, GarbledReply, GreetingLost, ReplyReceived
 from protocols.cb.codes import VERSION, Status
 from protocols.cb.errors import NotAllowedNow
-from protocols.cb.events import ClientEvent, GarbledReply, GreetingLost, ReplyReceived
 from protocols.cb.frames import FramingBroken, GarbageSkipped
 from protocols.cb.messages import Hello, Ping, Refused, Reply, Request, Stop, Welcome
 

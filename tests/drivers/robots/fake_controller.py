@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 
 from calibration.transforms import transform_from_quaternion
 from protocols.cb.codes import Capability, Flag, Status
-from protocols.cb.controller import ControllerSession
-from protocols.cb.events import BadChecksum, DuplicateAnswered, RequestReceived, RequestRejected
+from protocols.cb.controller import BadChecksum, ControllerSession, DuplicateAnswered, RequestReceived, RequestRejected
 from protocols.cb.frames import FramingBroken
 from protocols.cb.messages import (
     ArmingDone,

@@ -10,14 +10,8 @@ from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send
 from mock_robot.errors import UnknownFault
 from mock_robot.faults.tables import FAULTS
 from protocols.cb import messages as cb
+from protocols.cb.client import GarbledReply, GreetingLost, RepeatWanted, ReplyReceived, UnexpectedReply
 from protocols.cb.codes import Command, Flag, SessionState, Status
-from protocols.cb.events import (
-    GarbledReply,
-    GreetingLost,
-    RepeatWanted,
-    ReplyReceived,
-    UnexpectedReply,
-)
 from protocols.cb.frames import ChecksumFailed, FramingBroken, GarbageSkipped
 from tests.mock_robot.controller_client import AWAY, HOME, ControllerClient, bare_controller, joints_now, move_to
 

@@ -9,8 +9,8 @@ from calibration.transforms import quaternion_from_rotation
 from mock_robot.cabinet.panel import Mode
 from mock_robot.links.cb_program import CAMERA_LOAD, REACH_MM
 from protocols.cb import messages as cb
+from protocols.cb.client import Unsolicited
 from protocols.cb.codes import Flag, MoveKind, Status
-from protocols.cb.events import Unsolicited
 from tests.mock_robot.controller_client import (
     ARM,
     AWAY,

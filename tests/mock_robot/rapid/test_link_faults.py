@@ -8,8 +8,8 @@ import pytest
 
 from mock_robot.faults.tables import FAULTS
 from protocols.cb import messages as cb
+from protocols.cb.client import RepeatWanted, ReplyReceived
 from protocols.cb.codes import Status
-from protocols.cb.events import RepeatWanted, ReplyReceived
 from protocols.cb.frames import Frame
 from tests.mock_robot.cb_client import over_tcp
 from tests.mock_robot.controller_client import AWAY, HOME, move_to

@@ -13,8 +13,8 @@ from drivers.robots.abb.egm_vibration import EgmMonitor
 from drivers.robots.abb.robtarget import UNUSED_AXES
 from drivers.robots.abb.setup.requirements import findings
 from drivers.robots.abb.setup.survey import read_survey
+from protocols.cb.client import UnexpectedReply
 from protocols.cb.codes import Flag, MoveKind
-from protocols.cb.events import UnexpectedReply
 from protocols.cb.messages import GetJoints, GetPose, GetStatus, Move, Ping, Request
 
 Measured = dict[str, float | str]

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost
 from drivers.timing import Timing
 from drivers.transports.transport import Connection, Transport
-from protocols.cb.client import ClientSession
+from protocols.cb.client import ClientSession, GarbledReply, RepeatWanted, ReplyReceived
 from protocols.cb.codes import VERSION
 from protocols.cb.errors import NotAllowedNow
-from protocols.cb.events import GarbledReply, RepeatWanted, ReplyReceived
 from protocols.cb.frames import FramingBroken
 from protocols.cb.messages import Bye, Hello, Refused, Reply, Request, Welcome
 
