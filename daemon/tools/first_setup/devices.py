@@ -22,8 +22,8 @@ from drivers.errors import AddressNotUnderstood, DeviceError, DeviceTimeout, Dev
 from drivers.interfaces import Camera, IdentifiedDevice
 from drivers.registry import check_robot_address, open_camera, open_robot
 from drivers.robots.abb.rws.address import RwsAddress
-from drivers.robots.abb.rws.administration import RwsAdministration
 from drivers.robots.abb.rws.announced import find_announced
+from drivers.robots.abb.rws.controller_reader import ControllerReader
 from drivers.robots.abb.setup.survey import ControllerSurvey, read_survey
 from drivers.robots.base_frame import configured
 
@@ -139,7 +139,7 @@ async def look_at_controller(answer: str, base_frame: PoseDocument | None = None
     survey, problem = None, None
     if parts.hostname:
         try:
-            async with RwsAdministration(RwsAddress.parse(services)) as controller:
+            async with ControllerReader(RwsAddress.parse(services)) as controller:
                 survey = await read_survey(controller, (), (), (PORT_SETTING,), TASK)
         except DeviceError as error:
             problem = error

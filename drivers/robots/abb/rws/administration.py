@@ -1,167 +1,49 @@
-"""What an installation needs of Robot Web Services: options, grants, configuration, RAPID symbols, files."""
+"""What an installation changes over Robot Web Services: files, configuration, RAPID symbols."""
 
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
-from typing import Any
 from urllib.parse import quote, urlsplit
 
 from drivers.errors import DeviceTimeout, RequestRefused
-from drivers.robots.abb.rws.address import RwsAddress
-from drivers.robots.abb.rws.client import RwsClient
-from drivers.robots.abb.rws.parsing import Values
-from drivers.timing import Timing
-from protocols.cfg_file import CfgInstance
+from drivers.robots.abb.rws.controller_reader import ABSENT, ConfigurationInstance, ControllerReader
 
-ABSENT = ("NOT_FOUND", "BAD_ARGUMENT", "GONE")
-"""Statuses of a refusal of something that this RobotWare, or this controller, does not have."""
 BACKUP_LIMIT_S, BACKUP_POLL_S = 300, 1
 BACKUP_FIX = "make one at the pendant, look at the event log, then run this again"
 
 
-@dataclass(frozen=True)
-class ConfigurationInstance:
-    """An instance of the configuration as it is listed; RobotWare 7 gives some of them an id and no title.
-
-    `attributes`: as text, {} where the controller does not list them.
-    """
-
-    title: str
-    instance_id: str = ""
-    attributes: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def name(self) -> str:
-        """As in a configuration file: its name, or the module, signal or file that it is about."""
-        return CfgInstance("", dict(self.attributes), 0).name or self.title
-
-    def agrees_with(self, wanted: CfgInstance) -> bool:
-        """Whether what is listed of it is as in a fragment, where an attribute without a value is TRUE."""
-        return all(
-            self.attributes.get(name, value).casefold() == (value or "true").casefold()
-            for name, value in wanted.attributes.items()
-            if value or name in self.attributes
-        )
-
-
-class RwsAdministration:
-    """One session with the controller. Every method raises DeviceError."""
-
-    def __init__(self, address: RwsAddress, timing: Timing | None = None) -> None:
-        self.address, self._timing = address, timing or Timing()
-        self._client = RwsClient(f"robot {address.address}", address, self._timing)
-
-    async def __aenter__(self) -> "RwsAdministration":
-        await self._client.find()
-        return self
-
-    async def __aexit__(self, *error: object) -> None:
-        await self._client.close()
-
-    @property
-    def device(self) -> str:
-        return self._client.device
-
-    @property
-    def version(self) -> int:
-        """Version of the services: 1 on RobotWare 6, 2 on 7."""
-        return self._client.require_dialect().version
-
-    # --- reading ---
-
-    async def read(self, path: str, query: Mapping[str, str] | None = None) -> list[dict[str, Any]] | None:
-        """Resources at a path; None when the controller does not have it."""
-        try:
-            return await self._client.get(path, query)
-        except RequestRefused as refused:
-            if refused.status in ABSENT:
-                return None
-            raise
-
-    async def read_first(self, path: str) -> Values:
-        """The first resource at a path; {} when there is none."""
-        return next(iter(await self.read(path) or ()), {})
-
-    async def read_panel(self) -> Values:
-        """`ctrlstate`, `opmode` and `ctrlexecstate`, as far as they can be read."""
-        paths = (self._client.require_dialect().controller_state, "/rw/panel/opmode", "/rw/rapid/execution")
-        return {key: value for path in paths for key, value in (await self.read_first(path)).items()}
-
-    async def read_options(self) -> tuple[str, ...] | None:
-        """Options of the system, as "623-1 Multitasking"; None when the controller does not list them."""
-        found = await self.read("/rw/system/options")
-        return None if found is None else tuple(_texts(found, "option"))
-
-    async def read_grants(self) -> tuple[str, ...] | None:
-        """Grants of the user in session, as "UAS_CFG_WRITE"; None when the controller does not list them."""
-        found = await self.read(self._client.require_dialect().call("grants")[0])
-        if found is None:
-            return None
-        return tuple(str(each.get("grantname") or each.get("_title", "")) for each in found)
-
-    async def read_base_frame(self, mechunit: str) -> tuple[float, ...] | None:
-        """World to base: x, y, z in mm and quaternion (w, x, y, z); None when it cannot be read."""
-        values = await self.read_first(f"/rw/motionsystem/mechunits/{mechunit}/baseframe")
-        try:
-            return tuple(float(values[key]) for key in ("x", "y", "z", "q1", "q2", "q3", "q4"))
-        except (KeyError, TypeError, ValueError):
-            return None
-
-    async def read_mastership(self) -> Values:
-        """Who holds the mastership that loading needs; {} where there is none, as on RobotWare 8."""
-        return await self.read_first(f"/rw/mastership/{'rapid' if self.version == 1 else 'edit'}")
-
-    async def read_instances(self, domain: str, kind: str) -> tuple[ConfigurationInstance, ...]:
-        """Instances of a type of the configuration."""
-        found = await self.read(f"/rw/cfg/{domain}/{kind}/instances")
-        return tuple(
-            ConfigurationInstance(
-                str(each.get("_title", "")).removeprefix(f"{domain}/{kind}/"),
-                str(each.get("instanceid", "")),
-                {str(one.get("_title")): str(one.get("value", "")) for one in each.get("attrib", ())},
-            )
-            for each in found or ()
-        )
-
-    async def read_modules(self, task: str) -> tuple[str, ...]:
-        found = await self.read(*self._client.require_dialect().call("modules", task=task))
-        return tuple(str(each.get("name") or each.get("_title", "")) for each in found or ())
-
-    async def read_symbol(self, name: str) -> str | None:
-        """Value of task/module/symbol in RAPID's spelling; None when there is none."""
-        values = await self.read_first(self._client.require_dialect().call("symbol", name=name, what="data")[0])
-        return str(values["value"]) if "value" in values else None
-
-    async def read_type(self, name: str) -> str | None:
-        """Type of task/module/symbol; None when there is none."""
-        values = await self.read_first(self._client.require_dialect().call("symbol", name=name, what="properties")[0])
-        return str(values["dattyp"]) if "dattyp" in values else None
-
-    async def read_file(self, path: str) -> bytes | None:
-        """Content of a file below HOME; None when there is none."""
-        return await self._client.get_file(path)
-
-    # --- acting ---
+class RwsAdministration(ControllerReader):
+    """One session that also changes what is on the controller. Every method raises DeviceError."""
 
     async def make_folder(self, path: str) -> None:
-        """Make a folder below HOME."""
-        await self._client.make_folder(path)
+        """Make a folder below HOME, and those above it."""
+        parent = self._dialect.home
+        for name in path.strip("/").split("/"):
+            try:
+                await self._client.ask("GET", f"/fileservice/{parent}/{name}", headers=self._dialect.file_headers)
+            except RequestRefused as refused:
+                if refused.status != "NOT_FOUND":
+                    raise
+                action, form = self._dialect.call("make_folder", parent=parent, name=name)
+                await self._client.post(action, {}, form)
+            parent = f"{parent}/{name}"
 
     async def write_file(self, path: str, content: bytes) -> None:
-        """Write a file below HOME."""
-        await self._client.put_file(path, content)
+        """Write a file below HOME; its folder must exist."""
+        place, headers = f"/fileservice/{self._dialect.home}/{path}", self._dialect.file_headers
+        await self._client.ask("PUT", place, content=content, headers=headers)
 
     async def delete_file(self, path: str) -> None:
         """Delete a file or an empty folder below HOME; no effect when there is none."""
+        place, headers = f"/fileservice/{self._dialect.home}/{path}", self._dialect.file_headers
         try:
-            await self._client.delete_file(path)
+            await self._client.ask("DELETE", place, headers=headers)
         except RequestRefused as refused:
             if refused.status not in ABSENT:
                 raise
 
     async def save_backup(self, name: str) -> None:
         """Make a full backup of that name on the controller, and wait for it. Its disk holds it, not HOME."""
-        dialect = self._client.require_dialect()
+        dialect = self._dialect
         answer = await self._client.post(*dialect.call("backup"), {"backup": f"/fileservice/{dialect.backups}/{name}"})
         progress = urlsplit(answer.headers.get("location", "")).path
         for _ in range(int(BACKUP_LIMIT_S / BACKUP_POLL_S)):
@@ -177,25 +59,23 @@ class RwsAdministration:
 
     async def save_configuration(self, domain: str, path: str) -> bytes | None:
         """Save a domain to a file below HOME, and return its content."""
-        dialect = self._client.require_dialect()
-        form = {"filepath": f"/fileservice/{dialect.home}/{path}"}
-        await self._client.post(*dialect.call("save_cfg", domain=domain), form)
+        form = {"filepath": f"/fileservice/{self._dialect.home}/{path}"}
+        await self._client.post(*self._dialect.call("save_cfg", domain=domain), form)
         return await self.read_file(path)
 
     @asynccontextmanager
     async def hold_mastership(self, domain: str) -> AsyncIterator[None]:
         """Hold the mastership of `cfg` or `rapid` meanwhile."""
-        dialect = self._client.require_dialect()
-        await self._client.post(*dialect.call("mastership", domain=domain, action="request"), {})
+        await self._client.post(*self._dialect.call("mastership", domain=domain, action="request"), {})
         try:
             yield
         finally:
-            await self._client.post(*dialect.call("mastership", domain=domain, action="release"), {})
+            await self._client.post(*self._dialect.call("mastership", domain=domain, action="release"), {})
 
     async def load_configuration(self, path: str) -> None:
         """Load a configuration file of HOME, when it has no duplicates. Needs the mastership of cfg."""
-        dialect = self._client.require_dialect()
-        await self._client.post(*dialect.call("load_cfg"), {"filepath": f"{dialect.home}/{path}", "action-type": "add"})
+        form = {"filepath": f"{self._dialect.home}/{path}", "action-type": "add"}
+        await self._client.post(*self._dialect.call("load_cfg"), form)
 
     async def delete_instance(self, domain: str, kind: str, found: ConfigurationInstance) -> None:
         """Delete an instance of the configuration, by its id where it has no title. Needs the mastership of cfg."""
@@ -204,12 +84,4 @@ class RwsAdministration:
 
     async def write_symbol(self, name: str, value: str) -> None:
         """Set a PERS. Needs the mastership of rapid."""
-        await self._client.post(*self._client.require_dialect().call("set_symbol", name=name), {"value": value})
-
-
-def _texts(value: Any, name: str) -> Iterator[str]:
-    """Every text called `name`, at any depth: RWS 2.0 nests what 1.0 lists."""
-    if isinstance(value, dict) and isinstance(value.get(name), str):
-        yield value[name]
-    inside = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    yield from (text for each in inside for text in _texts(each, name))
+        await self._client.post(*self._dialect.call("set_symbol", name=name), {"value": value})

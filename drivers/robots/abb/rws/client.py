@@ -120,7 +120,7 @@ class RwsClient:
         self, path: str, query: Mapping[str, str], headers: Mapping[str, str], *, urgent: bool = False
     ) -> tuple[list[dict[str, Any]], dict[str, str]]:
         dialect = self.require_dialect()
-        answer = await self._ask("GET", path, query, headers=headers, urgent=urgent)
+        answer = await self.ask("GET", path, query, headers=headers, urgent=urgent)
         try:
             return dialect.page(answer.content)
         except ValueError as error:
@@ -132,46 +132,48 @@ class RwsClient:
     ) -> httpx.Response:
         """Post a form; `urgent` skips the rate limit. Raises DeviceError."""
         headers = self.require_dialect().post_headers
-        return await self._ask("POST", path, query, form=form, headers=headers, urgent=urgent)
+        return await self.ask("POST", path, query, form=form, headers=headers, urgent=urgent)
 
     async def get_file(self, path: str) -> bytes | None:
         """Content of a file below the controller's home folder; None when there is none. Raises DeviceError."""
         dialect = self.require_dialect()
         try:
-            answer = await self._ask("GET", f"/fileservice/{dialect.home}/{path}", {}, headers={"Accept": "*/*"})
+            answer = await self.ask("GET", f"/fileservice/{dialect.home}/{path}", headers={"Accept": "*/*"})
         except RequestRefused as refused:
             if refused.status == "NOT_FOUND":
                 return None
             raise
         return answer.content
 
-    async def delete_file(self, path: str) -> None:
-        """Delete a file or an empty folder below the controller's home folder. Raises DeviceError."""
-        dialect = self.require_dialect()
-        await self._ask("DELETE", f"/fileservice/{dialect.home}/{path}", {}, headers=dialect.file_headers)
-
-    async def put_file(self, path: str, content: bytes) -> None:
-        """Write a file below the controller's home folder; its folder must exist. Raises DeviceError."""
-        dialect = self.require_dialect()
-        await self._ask("PUT", f"/fileservice/{dialect.home}/{path}", {}, content=content, headers=dialect.file_headers)
-
-    async def make_folder(self, path: str) -> None:
-        """Make a folder below the controller's home folder, and those above it. Raises DeviceError."""
-        dialect = self.require_dialect()
-        parent = dialect.home
-        for name in path.strip("/").split("/"):
-            try:
-                await self._ask("GET", f"/fileservice/{parent}/{name}", {}, headers=dialect.file_headers)
-            except RequestRefused as refused:
-                if refused.status != "NOT_FOUND":
-                    raise
-                action, form = dialect.call("make_folder", parent=parent, name=name)
-                await self.post(action, {}, form)
-            parent = f"{parent}/{name}"
-
     async def delete(self, path: str) -> None:
         """Raises DeviceError."""
-        await self._ask("DELETE", path, {}, headers=self.require_dialect().post_headers)
+        await self.ask("DELETE", path, headers=self.require_dialect().post_headers)
+
+    async def ask(
+        self,
+        method: str,
+        path: str,
+        query: Mapping[str, str] | None = None,
+        *,
+        headers: Mapping[str, str],
+        form: Mapping[str, str] | None = None,
+        content: bytes | None = None,
+        urgent: bool = False,
+    ) -> httpx.Response:
+        """The answer to one request; `urgent` skips the rate limit. Raises DeviceError."""
+        if not urgent:
+            await self._pace()
+        async with nullcontext() if urgent else self._ordinary:
+            doing, waits_s = f"{method} {path}", iter(() if urgent else BUSY_WAITS_S)
+            while True:
+                self.require_dialect()
+                assert self._http is not None
+                try:
+                    return await self._send(self._http, method, path, query or {}, form, headers, doing, content)
+                except ControllerBusy:
+                    if (wait_s := next(waits_s, None)) is None:
+                        raise
+                await self._timing.sleep(wait_s)
 
     async def close(self) -> None:
         """Log out, to free the controller's session."""
@@ -253,31 +255,6 @@ class RwsClient:
             except asyncio.CancelledError:
                 self._tokens += 1.0  # nothing was sent: those behind it wait less
                 raise
-
-    async def _ask(
-        self,
-        method: str,
-        path: str,
-        query: Mapping[str, str],
-        *,
-        headers: Mapping[str, str],
-        form: Mapping[str, str] | None = None,
-        content: bytes | None = None,
-        urgent: bool = False,
-    ) -> httpx.Response:
-        if not urgent:
-            await self._pace()
-        async with nullcontext() if urgent else self._ordinary:
-            doing, waits_s = f"{method} {path}", iter(() if urgent else BUSY_WAITS_S)
-            while True:
-                self.require_dialect()
-                assert self._http is not None
-                try:
-                    return await self._send(self._http, method, path, query, form, headers, doing, content)
-                except ControllerBusy:
-                    if (wait_s := next(waits_s, None)) is None:
-                        raise
-                await self._timing.sleep(wait_s)
 
     async def _send(
         self,

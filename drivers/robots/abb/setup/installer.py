@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers.errors import DeviceError, RequestRefused
-from drivers.robots.abb.rws.administration import ConfigurationInstance, RwsAdministration
+from drivers.robots.abb.rws.administration import RwsAdministration
+from drivers.robots.abb.rws.controller_reader import ConfigurationInstance
 from drivers.robots.abb.rws.rapid_data import same_value
 from drivers.robots.abb.setup.plan import LOAD_MENU, SetupPlan, reset_step
 from drivers.robots.abb.setup.survey import ControllerSurvey

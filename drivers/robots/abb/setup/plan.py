@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from drivers.robots.abb.rapid_names import RapidNames
-from drivers.robots.abb.rws.administration import ConfigurationInstance
+from drivers.robots.abb.rws.controller_reader import ConfigurationInstance
 from drivers.robots.abb.rws.rapid_data import same_value
 from drivers.robots.abb.setup import settings
 from drivers.robots.abb.setup.requirements import FIREWALL_MENU, WRITE_CONFIGURATION, WRITE_DATA, Finding

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from drivers.robots.abb.rws.administration import ConfigurationInstance, RwsAdministration
+from drivers.robots.abb.rws.controller_reader import ConfigurationInstance, ControllerReader
 from protocols.cfg_file import CfgFile
 
 IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -90,7 +90,7 @@ class ControllerSurvey:
         return all(abs(abs(value) - wanted) <= slack for value, wanted, slack in pairs)
 
 
-async def read_networks(controller: RwsAdministration) -> tuple[tuple[Network, ...], Network | None]:
+async def read_networks(controller: ControllerReader) -> tuple[tuple[Network, ...], Network | None]:
     """Networks of the controller, and the one where it was reached, None when it is none. Raises DeviceError."""
     listed = tuple(
         Network(*(str(each.get(key, "")) for key in ("_title", "network", "addr")))
@@ -102,7 +102,7 @@ async def read_networks(controller: RwsAdministration) -> tuple[tuple[Network, .
 
 
 async def read_survey(
-    controller: RwsAdministration, fragments: Iterable[CfgFile], files: Iterable[str], symbols: Iterable[str], task: str
+    controller: ControllerReader, fragments: Iterable[CfgFile], files: Iterable[str], symbols: Iterable[str], task: str
 ) -> ControllerSurvey:
     """Read all that an installation depends on; changes nothing.
 
