@@ -140,12 +140,6 @@ class PriorMixture:
     usual: Array
     size: int
 
-    def of_target(self) -> "PriorMixture":
-        """The prior where the arm's errors are unknowns of their own: the size is against the true millimetre."""
-        information = self.information.copy()
-        information[:, self.size] /= 1 - self.arm_share
-        return replace(self, information=information, arm_share=0 * self.arm_share)
-
     def widest(self) -> Array:
         """Precisions (q,) of the widest component of each unknown."""
         return np.asarray(self.information.min(axis=0))

@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.registration.door import COLUMNS_MM, ROWS_MM, deviation_mm, looking_at, surface_of
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm import Arm
-from calibration.kinematics.arm_errors import ArmErrorModel, Postures, approach_sides
+from calibration.kinematics.arm_errors import ArmErrorModel, Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.kinematics.robot_accuracy import MIN_POSE_NOISE, RobotNoise
 from calibration.likelihood.mixed_model import Variances
@@ -22,6 +22,7 @@ from calibration.solve import estimate_session
 from calibration.solver.registered_points import registered_points
 from calibration.transforms import Array, inverse, transform
 from extensions.arm_identification.mathematics.identification import identify_arm_session
+from extensions.arm_identification.mathematics.joints import approach_sides
 from extensions.arm_identification.mathematics.views import ArmExperiment, PointsOfInterest
 from mock_robot.arm.built_arm import BuiltArm, build_arm
 from mock_robot.scene.scanner_view import ScannerModel, scan

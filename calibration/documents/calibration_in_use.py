@@ -15,7 +15,6 @@ from calibration.documents.calibration import (
 from calibration.kinematics.arm_conditions import NOT_KNOWN, ArmConditions
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.kinematics.joint_check import require_consistent_joints
-from calibration.kinematics.joints_of_poses import joints_in_range
 from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.kinematics.stance import Correction, Stance
 from calibration.likelihood.mapped_points import WORKING_VOLUME_NAMES, point_sigmas_mm
@@ -162,14 +161,6 @@ class CalibrationInUse:
             poses = correction.place(poses, stances)
         return poses
 
-    def base_turn(self, stance: Stance) -> Array:
-        """(3, 3) from directions in the base as it stands there to those with the external axis at its zero.
-
-        Raises DocumentError for a stance without the reading of the axis.
-        """
-        axis = self.document.external_axis
-        return np.eye(3) if axis is None else np.asarray(axis.place(np.eye(4)[None], [stance])[0, :3, :3])
-
     def place(self, base_T_flange: Array, stances: Sequence[Stance]) -> Array:
         """As `Correction`: of the arm as built, at its joints or those of the drawing's inverse kinematics."""
         assert self.arm is not None
@@ -185,7 +176,7 @@ class CalibrationInUse:
         known = (stance.joints_rad for stance in stances)
         return np.array(
             [
-                joints_in_range(drawing, stance.base_T_flange, *seen_rad) if joints is None else joints
+                drawing.nearest_to_range(stance.base_T_flange, *seen_rad) if joints is None else joints
                 for stance, joints in zip(stances, known, strict=True)
             ]
         )

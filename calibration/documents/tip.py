@@ -7,7 +7,6 @@ from pydantic import AfterValidator, Field
 
 from calibration.documents.pose import Vector
 from calibration.documents.validation import Document
-from calibration.transforms import Array
 
 MAX_VARIANCE_MM2 = 1e12
 
@@ -57,10 +56,6 @@ class TipDocument(Document):
     """The fixed point in the base, mm."""
     poses: tuple[TipPoseDocument, ...] = ()
     """The poses that it was calibrated from."""
-
-    def covariance_matrix(self) -> Array:
-        """(3, 3) in mm²."""
-        return np.array(self.covariance)
 
     @property
     def outliers(self) -> tuple[str, ...]:

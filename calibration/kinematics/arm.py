@@ -5,7 +5,6 @@ The wrist centre is decoupled after Pieper; the eight closed-form branches are n
 reference, confdata), so that a branch is found by its configuration and not by search.
 """
 
-import re
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,6 +26,8 @@ QUADRANT_SLACK_RAD = 1e-4
 SINGULAR_EXACT = 1e-10
 SINGULAR_ON_THE_WIRE = 1e-6
 """Sine of axis 5 below which a float32 quaternion no longer determines axes 4 and 6 separately."""
+MIN_RANGE_RAD = float(np.radians(5.0))
+"""Half the range of an axis that hardly moved."""
 STRAIGHT_WRIST_SAMPLES = 19
 """Values of axis 4 that stand for its quarter turn where it is free: one every 5°."""
 
@@ -134,12 +135,6 @@ class Arm(LimitedJoints):
         return self.row or self.name
 
     @property
-    def payload_kg(self) -> float | None:
-        """What a listed arm carries by its name; None for an arm of one's own."""
-        named = None if self.row else re.search(r"-([\d.]+)/", self.name)
-        return float(named[1]) if named else None
-
-    @property
     def wrist_offset_mm(self) -> float:
         """Distance of axis 6 from axis 4: 0 for a spherical wrist."""
         return 0.0
@@ -235,6 +230,14 @@ class Arm(LimitedJoints):
         now = checked_joints(joints_now_rad)
         solutions = self._within_limits(np.asarray(base_T_flange, float), now, SINGULAR_ON_THE_WIRE)
         best: Array = solutions[np.argmin(np.abs(solutions - now).max(-1))]
+        return best
+
+    def nearest_to_range(self, base_T_flange: ArrayLike, lowest_rad: Array, highest_rad: Array) -> Array:
+        """The solution (6,) least outside a range of joints, over half of the range of each. Raises as `inverse`."""
+        middle = (lowest_rad + highest_rad) / 2
+        half = np.maximum((highest_rad - lowest_rad) / 2, MIN_RANGE_RAD)
+        solutions = self.inverse(base_T_flange, middle)
+        best: Array = solutions[np.argmin((np.abs(solutions - middle) / half).max(axis=1))]
         return best
 
     def matching(

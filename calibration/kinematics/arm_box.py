@@ -3,7 +3,6 @@
 import numpy as np
 
 from calibration.kinematics.arm import Arm, UnreachablePoseError
-from calibration.kinematics.joints_of_poses import joints_in_range
 from calibration.transforms import Array, transform
 
 BOX_SHARE_OF_REACH = 0.15
@@ -41,7 +40,7 @@ def joints_within_reach(arm: Arm, base_T_flange: Array, seen: tuple[Array, Array
     found = []
     for pose in base_T_flange:
         try:
-            found.append(joints_in_range(arm, pose, *seen))
+            found.append(arm.nearest_to_range(pose, *seen))
         except UnreachablePoseError:
             continue
     return np.array(found).reshape(-1, 6)

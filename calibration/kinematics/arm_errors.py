@@ -26,9 +26,6 @@ from calibration.transforms import Array, adjoint, inverse, map_points, rotation
 
 Group = Literal["zeros", "links", "gears", "sag", "rest", "play", "warmth"]
 
-LADDER: tuple[Group, ...] = ("zeros", "links", "gears", "sag", "rest", "play")
-"""From what explains most in ordinary arms to what explains least; a model has the groups up to one of them."""
-
 AXES = 6
 GRAVITY_M_S2 = 9.81
 
@@ -71,9 +68,6 @@ PLAY_SIGMA_RAD = 4e-5
 """Half the play of an axis."""
 EXPANSION_MEAN, EXPANSION_SIGMA = 1.7e-5, 0.4e-5
 """1/K: cast iron has 1.1e-5, aluminium 2.3e-5; every arm gets longer as it gets warmer."""
-
-MIN_APPROACH_RAD = float(np.radians(0.05))
-"""Travel beyond which an axis has taken up its play."""
 
 MAX_USUAL_SIGMAS = 6.0
 """A parameter beyond so many of its standard deviations is no arm's: another arm, axis order, sign or zero."""
@@ -123,16 +117,6 @@ class Postures:
         """Only the chosen ones."""
         parts = [None if part is None else part[chosen] for part in (self.sides, self.warmth_k)]
         return Postures(self.joints_rad[chosen], self.load, *parts)
-
-
-def approach_sides(joints_rad: Array) -> Array:
-    """Sides (n, 6) as of Postures, of an arm that goes from each of the postures (n, 6) straight to the next.
-
-    Not known of the first, nor of an axis that has hardly moved.
-    """
-    moved = np.diff(joints_rad, axis=0, prepend=joints_rad[:1])
-    sides: Array = np.where(np.abs(moved) > MIN_APPROACH_RAD, np.sign(moved), 0.0)
-    return sides
 
 
 class ArmErrorModel:

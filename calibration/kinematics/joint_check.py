@@ -10,18 +10,13 @@ from dataclasses import dataclass
 from itertools import combinations, permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
 from calibration.kinematics.arm import Arm
-from calibration.sentences.sentence import pictures
-from calibration.transforms import Array, inverse, rotation_angle_rad, vector_from_rotation
+from calibration.transforms import Array, inverse, rotation_angle_rad
 
 MAX_OFF_MM = 3.0
 """Largest median distance of joints' and reported poses: a controller with its own corrections differs by less."""
-
-MAX_VIEW_OFF_MM = 0.1
-"""Largest distance in one view that an arm's errors are identified from: controllers agree with the drawing to 0.02."""
 
 LEVER_MM = 500.0
 """A difference of rotation counts as that of a point so far from the flange."""
@@ -29,7 +24,6 @@ LEVER_MM = 500.0
 MAX_TRIED_VIEWS = 12
 MIN_FRAME_VIEWS = 3
 """Any single view has some constant transform between its pose and its joints: fewer show no other frame."""
-AXES, SHIFT_ROUNDS, MIN_SHIFT_RAD = 6, 3, float(np.radians(1e-3))
 _SHIFTS_DEG = (90.0, -90.0, 180.0)
 
 
@@ -66,76 +60,6 @@ def require_consistent_joints(
     raise JointsDisagree(_likely_mistake(arm, joints_rad[rows], base_T_flange[rows], others or {}), off_mm)
 
 
-def require_joints_of_each_view(
-    arm: Arm, joints_rad: Array, base_T_flange: Array, others: Mapping[str, Arm], views: Sequence[int]
-) -> None:
-    """As `require_consistent_joints`, and where the joints of any one of the `views`, by their indices, do not."""
-    drawn = arm.forward(joints_rad)
-    off_mm = _distances_mm(drawn, base_T_flange)
-    wrong = np.flatnonzero(off_mm > MAX_VIEW_OFF_MM)
-    if not len(wrong):
-        return
-    mistake = None
-    if len(views) - len(wrong) >= MIN_FRAME_VIEWS:
-        mistake = _of_swapped_views(drawn, base_T_flange, wrong, views)
-    if mistake is None:
-        require_consistent_joints(arm, joints_rad, base_T_flange, others)
-        mistake = _of_all_views(arm, joints_rad, base_T_flange) if 2 * len(wrong) > len(views) else None
-    raise JointsDisagree(
-        mistake
-        or JointMistake(
-            "joints-contradict-poses",
-            f"{pictures([views[row] for row in wrong.tolist()])}: the joints do not give the pose",
-            "record both at the same moment, with three decimals and without corrections by the controller",
-        ),
-        float(off_mm.max()),
-    )
-
-
-def _of_swapped_views(drawn: Array, poses: Array, wrong: NDArray[np.intp], views: Sequence[int]) -> JointMistake | None:
-    """The mistake where each view in the places `wrong` has the joints of some other."""
-    off_mm = np.array([_distances_mm(np.broadcast_to(drawn[row], poses.shape), poses) for row in wrong])
-    if off_mm.min(axis=1).max() > MAX_VIEW_OFF_MM:
-        return None
-    here, there = (pictures([views[row] for row in rows]) for rows in (wrong, off_mm.argmin(axis=1)))
-    what = f"{here}: the joints are those of {there}"
-    return JointMistake("joints-of-another-view", what, "give each view its own joints")
-
-
-def _of_all_views(arm: Arm, joints: Array, poses: Array) -> JointMistake | None:
-    """The mistake that most views have in common and that moves the flange by millimetres at most."""
-    shift = _shift_rad(arm, joints, poses)
-    if _distances_mm(arm.forward(joints + shift), poses).max() <= MAX_VIEW_OFF_MM:
-        axes = np.flatnonzero(np.abs(shift) > MIN_SHIFT_RAD)
-        sizes = " and ".join(f"{-size:.3f}°" for size in np.degrees(shift[axes]))
-        what = f"the zeros of {_axes([int(axis) + 1 for axis in axes])} are shifted by {sizes}"
-        return JointMistake("joints-with-shifted-zeros", what, "take joints and poses from one controller")
-    degrees = np.degrees(joints)
-    for decimals in range(3):
-        if np.allclose(degrees, np.round(degrees, decimals), rtol=0, atol=1e-6):
-            what = f"the joints are rounded to {10.0**-decimals:g}°"
-            fix = "record them with three decimals, or leave them out and record the confdata"
-            return JointMistake("joints-rounded", what, fix)
-    return _in_another_frame(arm.forward(joints), poses, MAX_VIEW_OFF_MM)
-
-
-def _shift_rad(arm: Arm, joints: Array, poses: Array) -> Array:
-    """The constant (6,) that, added to the joints, gives the poses best."""
-    shift, steps = np.zeros(AXES), 1e-6 * np.eye(AXES)
-    for _ in range(SHIFT_ROUNDS):
-        drawn = arm.forward(joints + shift)
-        slopes = [_off_by(drawn, arm.forward(joints + shift + step)) / 1e-6 for step in steps]
-        shift = shift + np.linalg.lstsq(np.array(slopes).T, _off_by(drawn, poses), rcond=None)[0]
-    return shift
-
-
-def _off_by(poses: Array, others: Array) -> Array:
-    """Motions (6 n,) from poses to others, rotations as those of a point at LEVER_MM."""
-    between = inverse(poses) @ others
-    turned = LEVER_MM * vector_from_rotation(between[:, :3, :3])
-    return np.concatenate([turned, between[:, :3, 3]], axis=1).ravel()
-
-
 def any_arm_fits(arms: Iterable[Arm], joints_rad: Sequence[Array], base_T_flange: Array) -> bool:
     """Whether the joints, (6,) of each pose, give the poses (n, 4, 4) with one of the arms."""
     if any(len(joints) != 6 for joints in joints_rad):
@@ -152,14 +76,14 @@ def _likely_mistake(arm: Arm, joints: Array, poses: Array, others: Mapping[str, 
             return JointMistake(
                 "joints-of-another-arm", f"the session is of an {other.name}, not of an {arm.name}", "name that arm"
             )
-    return _in_another_frame(arm.forward(joints), poses, MAX_OFF_MM) or JointMistake(
+    return in_another_frame(arm.forward(joints), poses, MAX_OFF_MM) or JointMistake(
         "joints-contradict-poses",
         f"no usual mistake explains the joints as those of an {arm.name}",
         "check the arm's name, and that joints and pose of a picture are of the same moment",
     )
 
 
-def _in_another_frame(drawn: Array, poses: Array, max_off_mm: float) -> JointMistake | None:
+def in_another_frame(drawn: Array, poses: Array, max_off_mm: float) -> JointMistake | None:
     """The mistake where poses as drawn and as reported have a constant between them."""
     before, behind = poses @ inverse(drawn), inverse(drawn) @ poses
     for constant, where in ((before, "in a work object"), (behind, "of a tool")):
@@ -195,7 +119,7 @@ def _changes(joints: Array) -> Iterator[tuple[Array, JointMistake]]:
     for turned in product((1.0, -1.0), repeat=6):
         axes = [axis + 1 for axis, sign in enumerate(turned) if sign < 0]
         if axes:
-            what = f"the signs of {_axes(axes)} are those of another maker"
+            what = f"the signs of {axes_in_words(axes)} are those of another maker"
             yield joints * turned, JointMistake("joints-with-other-signs", what, "turn them to ABB's direction")
     for count in (1, 2):
         for axes_off in combinations(range(6), count):
@@ -203,7 +127,7 @@ def _changes(joints: Array) -> Iterator[tuple[Array, JointMistake]]:
                 changed = joints.copy()
                 changed[:, axes_off] -= np.radians(shifts)
                 sizes = " and ".join(f"{shift:.0f}°" for shift in shifts)
-                what = f"the zeros of {_axes([axis + 1 for axis in axes_off])} are shifted by {sizes}"
+                what = f"the zeros of {axes_in_words([axis + 1 for axis in axes_off])} are shifted by {sizes}"
                 yield changed, JointMistake("joints-with-shifted-zeros", what, "subtract it from the joints")
     for order in permutations(range(6)):
         if order != tuple(range(6)):
@@ -225,15 +149,16 @@ def _other_makers(joints: Array) -> Iterator[tuple[Array, JointMistake]]:
             changed[:, 2] += coupling * changed[:, 1]
             changed[:, 1:3] += np.radians(90.0) * np.array(quarters)
             axes = [axis + 1 for axis, sign in enumerate(turned) if sign < 0]
-            parts = [f"the signs of {_axes(axes)}"] if axes else []
+            parts = [f"the signs of {axes_in_words(axes)}"] if axes else []
             parts += ["axis 3 from the horizontal"] if coupling else []
             shifted = [axis for axis, quarter in zip((2, 3), quarters, strict=True) if quarter]
-            parts += [f"the zeros of {_axes(shifted)} a quarter turn off"] if shifted else []
+            parts += [f"the zeros of {axes_in_words(shifted)} a quarter turn off"] if shifted else []
             what = f"the joints are counted as another maker does: {', '.join(parts)}"
             yield changed, JointMistake("joints-of-another-maker", what, "convert them to ABB's")
 
 
-def _axes(axes: list[int]) -> str:
+def axes_in_words(axes: list[int]) -> str:
+    """Such as "axis 2" or "axes 2, 3"."""
     return f"axis {axes[0]}" if len(axes) == 1 else f"axes {', '.join(map(str, axes))}"
 
 
@@ -242,11 +167,11 @@ def _off_mm(arm: Arm, joints: Array, poses: Array) -> float:
 
 
 def _distance_mm(poses: Array, others: Array) -> float:
-    """Median over the views of `_distances_mm`."""
-    return float(np.median(_distances_mm(poses, others)))
+    """Median over the views of `distances_mm`."""
+    return float(np.median(distances_mm(poses, others)))
 
 
-def _distances_mm(poses: Array, others: Array) -> Array:
+def distances_mm(poses: Array, others: Array) -> Array:
     """Distances (n,) of two poses (n, 4, 4)."""
     apart = np.linalg.norm(poses[:, :3, 3] - others[:, :3, 3], axis=-1)
     turned = rotation_angle_rad(np.swapaxes(poses[:, :3, :3], 1, 2) @ others[:, :3, :3])

@@ -186,6 +186,23 @@ def with_trend(model: MixedModel, basis: Array) -> MixedModel:
     )
 
 
+def with_arm(model: MixedModel, jacobian: Array, prior_information: Array, prior_offset: Array) -> MixedModel:
+    """The model with k more unknowns (their last places), which correct robot pose i by `jacobian`[i] (n, 6, k).
+
+    `prior_information`, `prior_offset` (k,): as of MixedModel. For a model without a trend.
+    """
+    follow = model.UU @ jacobian
+    turned = np.swapaxes(jacobian, 1, 2)
+    own = turned @ follow
+    return replace(
+        model,
+        by_robot=np.concatenate([model.by_robot[:, :, :-1], follow, model.by_robot[:, :, -1:]], axis=2),
+        squares=insert_columns(model.squares, turned @ model.UAy, own),
+        prior_information=np.concatenate([model.prior_information, prior_information]),
+        prior_offset=np.concatenate([model.prior_offset, prior_offset]),
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Step:
     """Best linear unbiased prediction of the shared step b (p,), its information, gradient and covariance (p, p).

@@ -1,6 +1,5 @@
 """Wide priors of the noise levels of robots and cameras."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,10 +71,3 @@ def prior_of(sources: list[str]) -> NoisePrior:
         if one.relative_to:
             shares[row, sources.index(one.relative_to)] = -1.0
     return NoisePrior(shares, np.log([one.level for one in known]), np.log([one.factor for one in known]))
-
-
-def independent_prior(levels: Sequence[LevelPrior]) -> NoisePrior:
-    """The joint prior of the logarithms of levels that are not relative to each other."""
-    return NoisePrior(
-        np.eye(len(levels)), np.log([one.level for one in levels]), np.log([one.factor for one in levels])
-    )

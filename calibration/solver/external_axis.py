@@ -16,9 +16,8 @@ from calibration.errors import UndeterminedError
 from calibration.kinematics.external_axis import AxisKind, ExternalAxis
 from calibration.likelihood.estimate import exact_pixels, linearise
 from calibration.likelihood.mapped_points import point_rows
-from calibration.likelihood.mixed_model import MixedModel, with_trend
+from calibration.likelihood.mixed_model import MixedModel, with_arm, with_trend
 from calibration.likelihood.noise_marginalisation import marginalise
-from calibration.likelihood.shared_columns import with_arm
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.preprocessing.prepare import PreparedSession, prepare
 from calibration.problem import Problem, Setup, anchor_T_mount_of

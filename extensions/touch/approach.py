@@ -18,6 +18,7 @@ from daemon.model.run_states import RunEvent
 from daemon.runs.jog import MAX_TRAVEL_DEG, NO_STATION, result_of
 from daemon.runs.run_log import RunLog, RunResult
 from drivers.interfaces import MoveGoal, PoseReading
+from extensions.touch.mathematics.with_arm import base_turn
 from extensions.touch.requests import ApproachRequest
 from extensions.touch.touch_tests import PointToTouch
 
@@ -134,7 +135,7 @@ class TouchApproach:
         (base_T_flange,) = self.point.given.base_T_flange([here])
         along = base_T_flange[:3, 2]
         if self.request.along is not None:
-            along = self.point.given.base_turn(here) @ self.request.along
+            along = base_turn(self.point.given, here) @ self.request.along
         tip_mm = map_points(base_T_flange, self.point.tip_mm[None])[0]
         return Approach(self.point.seen.point_mm, along / np.linalg.norm(along), tip_mm)
 
@@ -153,7 +154,7 @@ class TouchApproach:
         flanges = []
         for tip_mm in tips_mm:
             shifted = reading.base_T_flange.copy()
-            shifted[:3, 3] += self.point.given.base_turn(here).T @ (tip_mm - at.tip_mm)
+            shifted[:3, 3] += base_turn(self.point.given, here).T @ (tip_mm - at.tip_mm)
             flanges.append(shifted)
         return flanges
 

@@ -16,7 +16,6 @@ from calibration.documents.more_arm_views import (
 from calibration.documents.pose import PoseDocument, round_vector
 from calibration.errors import CalibrationError, GeometryError
 from calibration.kinematics.arm import Arm
-from calibration.kinematics.joints_of_poses import joints_of_poses
 from calibration.kinematics.load import NO_LOAD
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence, as_sentence
@@ -24,6 +23,7 @@ from calibration.solution import Finding
 from calibration.targets import Target
 from calibration.transforms import Array
 from extensions.arm_identification.mathematics.identification import ArmFit, identify_arm_session
+from extensions.arm_identification.mathematics.joints import joints_of_poses
 from extensions.arm_identification.mathematics.more_views import MORE_VIEWS, plan_more_arm_views
 from extensions.arm_identification.mathematics.session import CheckedDistance, KnownDistance
 

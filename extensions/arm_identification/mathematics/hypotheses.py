@@ -17,14 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
-from calibration.kinematics.arm_errors import LADDER, Group
-from calibration.likelihood.mixed_model import MixedModel, Variances, solve
+from calibration.kinematics.arm_errors import Group
+from calibration.knowledge import PriorMixture
+from calibration.likelihood.mixed_model import MixedModel, Variances, solve, with_arm
 from calibration.likelihood.noise_marginalisation import restricted_log_likelihood
-from calibration.likelihood.shared_columns import fix_unknowns, with_arm
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import covariance_of
 from calibration.transforms import Array, adjoint, inverse, map_points
+from extensions.arm_identification.mathematics.linear_models import fix_unknowns
 from extensions.arm_identification.mathematics.session import ArmSession
+
+LADDER: tuple[Group, ...] = ("zeros", "links", "gears", "sag", "rest", "play")
+"""From what explains most in ordinary arms to what explains least; a model has the groups up to one of them."""
 
 SCALES = {0.15: 0.1, 0.4: 0.2, 1.0: 0.5, 2.0: 0.2}
 """Of the parameters' means and standard deviations, with prior probabilities: most arms are as delivered."""
@@ -109,12 +113,19 @@ def restrict(
         known, offset = whole.prior_information.copy(), whole.prior_offset.copy()
         known[others:] /= scales**2
         offset[others:] -= scales * session.arm.means
-        mixture = whole.mixture.of_target() if whole.mixture and one.up_to else whole.mixture
+        mixture = against_true_lengths(whole.mixture) if whole.mixture and one.up_to else whole.mixture
         supposed = replace(whole, prior_information=known, prior_offset=offset, mixture=mixture)
         restricted = fix_unknowns(supposed, others + absent, -session.parameters[absent])
         variances = estimate_variances(restricted, levels[row] if levels else variances)
         found.append(Restricted(one, columns, restricted, variances))
     return found
+
+
+def against_true_lengths(prior: PriorMixture) -> PriorMixture:
+    """The prior where the arm's errors are unknowns of their own: the size is against the true millimetre."""
+    information = prior.information.copy()
+    information[:, prior.size] /= 1 - prior.arm_share
+    return replace(prior, information=information, arm_share=0 * prior.arm_share)
 
 
 ContradictionKind = Literal["other-arm", "camera-remounted", "camera-moved", "target-or-base-moved"]

@@ -7,6 +7,7 @@ error by MIN_LOG_EVIDENCE, views left out by region of joint space are predicted
 Source of the evidence: D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4, 1992.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,15 +18,13 @@ from calibration.camera import CameraModel
 from calibration.errors import CalibrationError, GeometryError
 from calibration.kinematics.abb_arms import ARMS
 from calibration.kinematics.arm import Arm
-from calibration.kinematics.arm_errors import AXES, LADDER, ArmErrorModel, Postures, approach_sides
+from calibration.kinematics.arm_errors import AXES, ArmErrorModel, Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
-from calibration.kinematics.joint_check import require_joints_of_each_view
 from calibration.kinematics.load import NO_LOAD, SAME_SHARE, Load
 from calibration.likelihood.leave_out import split
 from calibration.likelihood.mapped_points import point_rows
 from calibration.likelihood.mixed_model import MixedModel, Variances, per_view_equations, solve
 from calibration.likelihood.noise_marginalisation import Marginal, marginalise
-from calibration.likelihood.shared_columns import take_views
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import covariance_of, inverse_or_pseudo_inverse, squared_distances
 from calibration.problem import Problem, Setup
@@ -35,6 +34,7 @@ from calibration.solve import estimate_session
 from calibration.solver.view_outliers import MAX_ROUNDS, min_remaining, outlier_limit
 from calibration.transforms import Array, map_points, transform_from_vector
 from extensions.arm_identification.mathematics.hypotheses import (
+    LADDER,
     Contradiction,
     Restricted,
     SessionsContradict,
@@ -42,6 +42,8 @@ from extensions.arm_identification.mathematics.hypotheses import (
     hypotheses,
     restrict,
 )
+from extensions.arm_identification.mathematics.joints import approach_sides, require_joints_of_each_view
+from extensions.arm_identification.mathematics.linear_models import take_views
 from extensions.arm_identification.mathematics.session import (
     ArmSession,
     CheckedDistance,
@@ -175,9 +177,10 @@ def _load_of(arm: Arm, problems: Sequence[Problem]) -> Load | None:
     loads = [problem.load for problem in problems]
     known = [load for load in loads if load is not None]
     heaviest_kg = max((load.mass_kg for load in known), default=0.0)
-    if arm.payload_kg is not None and heaviest_kg > (1 + SAME_SHARE) * arm.payload_kg:
+    named = None if arm.row else re.search(r"-([\d.]+)/", arm.name)  # what a listed arm carries, in kg
+    if named is not None and heaviest_kg > (1 + SAME_SHARE) * float(named[1]):
         raise GeometryError(
-            f"the sessions carried {heaviest_kg:g} kg, an {arm.name} carries {arm.payload_kg:g} kg: correct the load"
+            f"the sessions carried {heaviest_kg:g} kg, an {arm.name} carries {float(named[1]):g} kg: correct the load"
         )
     for other in known[1:]:
         if not other.is_as(known[0]):

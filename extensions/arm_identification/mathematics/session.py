@@ -11,11 +11,11 @@ from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate, exact_pixels, linearise
 from calibration.likelihood.mapped_points import point_rows
 from calibration.likelihood.mixed_model import MixedModel
-from calibration.likelihood.shared_columns import join_places, with_distances
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import anchor_T_mount_of
 from calibration.transforms import Array, map_points
+from extensions.arm_identification.mathematics.linear_models import join_places, with_distances
 
 
 @dataclass(frozen=True, eq=False)

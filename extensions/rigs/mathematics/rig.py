@@ -18,7 +18,7 @@ from calibration.linear_algebra import squared_distances
 from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.noise_marginalisation import draw_levels, step_at
 from calibration.pose_pairs.noise_models import robot_sources
-from calibration.pose_pairs.noise_priors import LEVEL_PRIORS, LevelPrior, independent_prior
+from calibration.pose_pairs.noise_priors import LEVEL_PRIORS, LevelPrior, NoisePrior
 from calibration.pose_pairs.residuals import LinearisedPairs, ScaledChain, initial_chain, linearise
 from calibration.problem import Problem, Setup
 from calibration.solve import estimate_session
@@ -151,7 +151,8 @@ def solve_rig(problems: Mapping[str, Problem]) -> RigSolution:
     stations = find_stations(sensors)
     mounts, target = _start(sensors)
     own = [UNKNOWN_ERRORS if each.pairs.covariance is None else ERRORS_BEYOND_KNOWN for each in sensors]
-    prior = independent_prior([*ROBOT_PRIORS, *(level for both in own for level in both)])
+    each = [*ROBOT_PRIORS, *(level for both in own for level in both)]  # none relative to another
+    prior = NoisePrior(np.eye(len(each)), np.log([one.level for one in each]), np.log([one.factor for one in each]))
     known = _known(sensors)
     for _ in range(ROUNDS):
         linear = _linearise(sensors, stations, mounts, target)

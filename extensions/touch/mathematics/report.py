@@ -137,7 +137,7 @@ def _evaluate(
         rows[:, :, 6:] -= arm.rows(base_T_flange, tips_mm, arm.touched_rad)
         mapping = SharedError(rows, mapping.covariance)
     own = _own(points, base_T_flange, tip, touches.placing_sigma_mm, calibration, arm)
-    shared = [tip_error(base_T_flange, tip.covariance_matrix()), *looks]
+    shared = [tip_error(base_T_flange, np.array(tip.covariance)), *looks]
     found = evaluate_touch_test(seen_mm, touched_mm, mapping, shared, own, tolerance_mm)
     return _document(found, calibration.id, tip, touches.touches, seen_mm, touched_mm)
 

@@ -12,7 +12,9 @@ from calibration.documents.tip import TipDocument
 from calibration.documents.touch_test import TouchTestDocument
 from calibration.documents.touches import TouchDocument, TouchesDocument
 from calibration.kinematics.arm_estimate import ArmEstimate
+from calibration.kinematics.stance import Stance
 from calibration.problem import Problem
+from calibration.transforms import Array
 from extensions.touch.mathematics.report import SeenPoint, TouchingArm, touch_test
 
 
@@ -43,12 +45,21 @@ def touches_in_use(given: CalibrationInUse, touches: TouchesDocument) -> Touches
         update: dict[str, Any] = {}
         if touched is not None:
             update["base_T_flange"] = PoseDocument.of(given.base_T_flange([touched])[0])
-            update["miss_mm"] = tuple((given.base_turn(touched) @ touch.miss_mm).tolist())
+            update["miss_mm"] = tuple((base_turn(given, touched) @ touch.miss_mm).tolist())
         if looked is not None:
             update["seen_from"] = PoseDocument.of(given.base_T_flange([looked])[0])
         return touch.model_copy(update=update)
 
     return touches.model_copy(update={"touches": tuple(map(placed, touches.touches))})
+
+
+def base_turn(given: CalibrationInUse, stance: Stance) -> Array:
+    """(3, 3) from directions in the base as it stands there to those with the external axis at its zero.
+
+    Raises DocumentError for a stance without the reading of the axis.
+    """
+    axis = given.document.external_axis
+    return np.eye(3) if axis is None else np.asarray(axis.place(np.eye(4)[None], [stance])[0, :3, :3])
 
 
 def with_joints(given: CalibrationInUse, problem: Problem) -> Problem:

@@ -9,8 +9,7 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel, Postures
 from calibration.kinematics.robot_accuracy import PRIOR_NOISE
 from calibration.knowledge import ARM_SHARE, ArmSource, Knowledge, TargetKnowledge
-from calibration.likelihood.mixed_model import Variances, solve
-from calibration.likelihood.shared_columns import with_arm
+from calibration.likelihood.mixed_model import Variances, solve, with_arm
 from calibration.solve import estimate_session
 from extensions.arm_identification.mathematics.hypotheses import SCALES, hypotheses, restrict
 from extensions.arm_identification.mathematics.identification import identify_arm_session

@@ -8,12 +8,12 @@ import pytest
 
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel, Postures
-from calibration.likelihood.shared_columns import fix_unknowns
 from calibration.problem import Problem
 from calibration.solve import estimate_session
 from calibration.transforms import Array, map_points, transform_from_vector
 from extensions.arm_identification.mathematics.documents import disagreements
 from extensions.arm_identification.mathematics.identification import ArmFit, identify_arm_session
+from extensions.arm_identification.mathematics.linear_models import fix_unknowns
 from extensions.arm_identification.mathematics.session import (
     CheckedDistance,
     KnownDistance,

@@ -1,4 +1,4 @@
-"""More shared unknowns of the linearised model: errors of the arm, and a target at several places."""
+"""The linearised model of views of a target at several places: joined, restricted, and with known lengths."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,25 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.likelihood.mixed_model import MixedModel, insert_columns
+from calibration.likelihood.mixed_model import MixedModel
 from calibration.transforms import Array
-
-
-def with_arm(model: MixedModel, jacobian: Array, prior_information: Array, prior_offset: Array) -> MixedModel:
-    """The model with k more unknowns (their last places), which correct robot pose i by `jacobian`[i] (n, 6, k).
-
-    `prior_information`, `prior_offset` (k,): as of MixedModel. For a model without a trend.
-    """
-    follow = model.UU @ jacobian
-    turned = np.swapaxes(jacobian, 1, 2)
-    own = turned @ follow
-    return replace(
-        model,
-        by_robot=np.concatenate([model.by_robot[:, :, :-1], follow, model.by_robot[:, :, -1:]], axis=2),
-        squares=insert_columns(model.squares, turned @ model.UAy, own),
-        prior_information=np.concatenate([model.prior_information, prior_information]),
-        prior_offset=np.concatenate([model.prior_offset, prior_offset]),
-    )
 
 
 def join_places(models: Sequence[MixedModel]) -> MixedModel:
