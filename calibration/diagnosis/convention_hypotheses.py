@@ -43,15 +43,10 @@ class Convention:
     shrinks: float = 1.0
 
 
-def change_quaternion_order(poses: Array) -> Array:
-    """Poses (n, 4, 4) with quaternions that were read as w, x, y, z, read as x, y, z, w."""
-    w_first = np.roll(quaternion_from_rotation(poses[:, :3, :3]), 1, axis=1)
-    return transform(rotation_from_quaternion(w_first), poses[:, :3, 3])
-
-
-def _w_first(base_T_flange: Array, _: Array) -> Array:
-    w_last = np.roll(quaternion_from_rotation(base_T_flange[:, :3, :3]), -1, axis=1)
-    return transform(rotation_from_quaternion(w_last), base_T_flange[:, :3, 3])
+def change_quaternion_order(poses: Array, by: int = 1) -> Array:
+    """Poses (n, 4, 4) with quaternions that were read as w, x, y, z, read as x, y, z, w; `by` -1: the reverse."""
+    moved = np.roll(quaternion_from_rotation(poses[:, :3, :3]), by, axis=1)
+    return transform(rotation_from_quaternion(moved), poses[:, :3, 3])
 
 
 def _scale_translations(factor: float) -> Callable[[Array, Array], Array]:
@@ -96,7 +91,7 @@ MIN_NEIGHBOURS, MAX_NEIGHBOURS = 4, 40
 
 CONVENTIONS = (
     Convention("quaternion-w-last", lambda base_T_flange, _: change_quaternion_order(base_T_flange)),
-    Convention("quaternion-w-first", _w_first),
+    Convention("quaternion-w-first", lambda base_T_flange, _: change_quaternion_order(base_T_flange, -1)),
     Convention("poses-inverted", lambda base_T_flange, _: inverse(base_T_flange)),
     Convention("poses-in-metres", _scale_translations(MM["m"])),
     Convention("poses-in-micrometres", _scale_translations(MM["um"]), shrinks=MM["um"]),

@@ -36,7 +36,7 @@ from calibration.diagnosis.view_hypotheses import (
 )
 from calibration.diagnosis.wrapped_angles import wrapped_hypotheses
 from calibration.errors import UndeterminedError
-from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE
+from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE, RobotNoise
 from calibration.transforms import Array
 
 MIN_VIEWS = 5
@@ -68,16 +68,14 @@ SINGLE_VIEW_CODES = frozenset({"pose-mistyped", "poses-swapped", "board-turned"}
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """The best explanation and the runner-up with their gains, and the robot noise (mm, rad) without and with it."""
+    """The best explanation and the runner-up with their gains, and the robot noise without and with it."""
 
     cause: Hypothesis
     gain: float
     runner_up: Hypothesis | None
     runner_up_gain: float
-    before_mm: float
-    after_mm: float
-    before_rad: float
-    after_rad: float
+    before: RobotNoise
+    after: RobotNoise
 
 
 FurtherHypotheses = Callable[[Evidence], Iterable[Hypothesis]]
@@ -144,11 +142,11 @@ def _best_explanation(
         *evaluate(hypotheses, sample, uncorrected),
         *pose_entry_results(sample, among, uncorrected.log_likelihood),
     ]
-    majority = _robot_can_err(suspects.half.robot_translation_mm, suspects.half.robot_rotation_rad)
+    majority = suspects.half.robot_noise.is_within(MAX_POSSIBLE_NOISE)
     possible = [result for result in results if _is_possible(result, uncorrected, majority)]
     # The views left out of the sample count as alternatives.
     found = [result for result in _best_of_each(possible) if _is_significant(result, len(evidence), len(sample))]
-    if not found and not _robot_can_err(uncorrected.robot_translation_mm, uncorrected.robot_rotation_rad):
+    if not found and not uncorrected.robot_noise.is_within(MAX_POSSIBLE_NOISE):
         results = evaluate(list(wrapped_hypotheses(sample)), sample, uncorrected)
         possible = [result for result in results if _is_possible(result, uncorrected, False)]
         found = [result for result in _best_of_each(possible) if _is_significant(result, len(evidence), len(sample))]
@@ -180,16 +178,8 @@ def _diagnosis(uncorrected: Fit, found: Sequence[HypothesisResult]) -> Diagnosis
     best, *others = found
     if best.hypothesis.code == "poses-inverted":
         best = replace(best, hypothesis=inverted_or_other_setup(best.hypothesis))
-    return Diagnosis(
-        best.hypothesis,
-        best.gain,
-        others[0].hypothesis if others else None,
-        others[0].gain if others else -np.inf,
-        uncorrected.robot_translation_mm,
-        best.robot_translation_mm,
-        uncorrected.robot_rotation_rad,
-        best.robot_rotation_rad,
-    )
+    second, its_gain = (others[0].hypothesis, others[0].gain) if others else (None, -np.inf)
+    return Diagnosis(best.hypothesis, best.gain, second, its_gain, uncorrected.robot_noise, best.robot_noise)
 
 
 def _best_of_each(results: list[HypothesisResult]) -> list[HypothesisResult]:
@@ -215,15 +205,10 @@ def _is_possible(result: HypothesisResult, uncorrected: Fit, majority: bool) -> 
     A wrong explanation, such as translations shrunk to nothing, may fit garbage better than the garbage fits. One of
     one or two views may leave more when a `majority` of the views agrees: others are then wrong as well.
     """
-    after = result.robot_translation_mm, result.robot_rotation_rad
-    before = uncorrected.robot_translation_mm, uncorrected.robot_rotation_rad
-    if all(left >= given for left, given in zip(after, before, strict=True)):
+    left, given = result.robot_noise, uncorrected.robot_noise
+    if left.translation_mm >= given.translation_mm and left.rotation_rad >= given.rotation_rad:
         return False
-    return _robot_can_err(*after) or (majority and result.hypothesis.code in SINGLE_VIEW_CODES)
-
-
-def _robot_can_err(translation_mm: float, rotation_rad: float) -> bool:
-    return translation_mm <= MAX_POSSIBLE_NOISE.translation_mm and rotation_rad <= MAX_POSSIBLE_NOISE.rotation_rad
+    return left.is_within(MAX_POSSIBLE_NOISE) or (majority and result.hypothesis.code in SINGLE_VIEW_CODES)
 
 
 HypothesesAt = Callable[[Evidence, Sequence[int]], Iterable[Hypothesis]]

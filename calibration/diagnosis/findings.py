@@ -107,9 +107,10 @@ def _picture_scale(found: CameraModel, given: CameraModel) -> float | None:
 
 def _lessened(diagnosis: Diagnosis) -> tuple[list[Sentence], list[Sentence]]:
     """The disagreement before and after, in the units in which the explanation lessens it."""
+    first, then = diagnosis.before, diagnosis.after
     both = (
-        (diagnosis.before_mm, diagnosis.after_mm, "size-mm"),
-        (float(np.degrees(diagnosis.before_rad)), float(np.degrees(diagnosis.after_rad)), "size-deg"),
+        (first.translation_mm, then.translation_mm, "size-mm"),
+        (float(np.degrees(first.rotation_rad)), float(np.degrees(then.rotation_rad)), "size-deg"),
     )
     less = [(before, after, size) for before, after, size in both if after < before]
     return (

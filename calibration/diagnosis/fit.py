@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calibration.closed_forms.kronecker import kronecker
 from calibration.diagnosis.evidence import Evidence
-from calibration.kinematics.robot_accuracy import MIN_REPEATABILITY
+from calibration.kinematics.robot_accuracy import MIN_REPEATABILITY, RobotNoise
 from calibration.likelihood.variance_components import nonnegative_variances
 from calibration.linear_algebra import inverse_or_pseudo_inverse, scaled_solve
 from calibration.observations.pose_model import (
@@ -24,13 +24,7 @@ from calibration.observations.pose_model import (
     predicted_camera_T_target,
 )
 from calibration.problem import Setup, base_T_flange_of
-from calibration.transforms import (
-    Array,
-    inverse,
-    rotation_from_vector,
-    transform,
-    transform_from_vector,
-)
+from calibration.transforms import Array, inverse, rotation_from_vector, transform, transform_from_vector
 
 ITERATIONS = 8
 MIN_LOG_LIKELIHOOD = -1e15
@@ -75,14 +69,10 @@ class Fit:
     log_likelihood: float
 
     @property
-    def robot_translation_mm(self) -> float:
-        """One standard deviation of the robot's translation under this hypothesis."""
-        return float(np.sqrt(self.variances[1]))
-
-    @property
-    def robot_rotation_rad(self) -> float:
-        """One standard deviation of the robot's rotation under this hypothesis."""
-        return float(np.sqrt(self.variances[0]))
+    def robot_noise(self) -> RobotNoise:
+        """One standard deviation of the robot's pose under this hypothesis."""
+        rotation_rad, translation_mm = np.sqrt(self.variances).tolist()
+        return RobotNoise(translation_mm, rotation_rad)
 
     def step(self) -> Array:
         """The next Gauss-Newton step of the shared unknowns (p,)."""

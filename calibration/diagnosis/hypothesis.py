@@ -7,6 +7,7 @@ from math import log
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, Labels, fit, fits
+from calibration.kinematics.robot_accuracy import RobotNoise
 
 BATCH_VIEWS = 2000
 """Views fitted in one batch: enough to make numpy's overhead small, few enough for the cache."""
@@ -53,8 +54,7 @@ class HypothesisResult:
 
     hypothesis: Hypothesis
     gain: float
-    robot_translation_mm: float
-    robot_rotation_rad: float
+    robot_noise: RobotNoise
     p_value: Callable[[], float] | None
 
 
@@ -88,7 +88,7 @@ def _result(hypothesis: Hypothesis, fitted: Fit, before: float) -> HypothesisRes
     raw = fitted.log_likelihood + hypothesis.bonus - before
     gain = few_views_factor(n, hypothesis.unknowns) * raw - price_of(n, hypothesis.unknowns, hypothesis.alternatives)
     chance = None if hypothesis.test is None else partial(_p_value, hypothesis.test, hypothesis, fitted)
-    return HypothesisResult(hypothesis, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
+    return HypothesisResult(hypothesis, gain, fitted.robot_noise, chance)
 
 
 def _p_value(test: Callable[[Evidence, Fit], float], hypothesis: Hypothesis, fitted: Fit) -> float:

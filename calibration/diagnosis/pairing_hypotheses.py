@@ -96,13 +96,7 @@ def pairings_of(views: int, last: int) -> Iterator[Pairing]:
                 Sentence("pair-images-from", view=start),
                 _within(pose_of, views),
             )
-    yield Pairing(
-        "poses-reversed",
-        (),
-        Sentence("poses-reversed"),
-        Sentence("reverse-order"),
-        views - 1 - rows,
-    )
+    yield Pairing("poses-reversed", (), Sentence("poses-reversed"), Sentence("reverse-order"), views - 1 - rows)
     for first in (0, 1):
         by_name = np.array(sorted(range(views), key=lambda row: str(row + first)), np.intp)
         for pose_of, what in ((by_name, "images"), (np.argsort(by_name), "poses")):

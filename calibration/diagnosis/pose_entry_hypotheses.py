@@ -88,7 +88,7 @@ def pose_entry_results(evidence: Evidence, suspects: Sequence[int], baseline: fl
         hypothesis = Hypothesis("pose-mistyped", (int(view.indices[0]),), view, view, best.message, FIX)
         slopes = np.array([number.slope for number in numbers if number.slope is not None])
         chance = partial(_p_value, rest, slopes, partial(p_value_of_view, evidence, fitted, suspects[suspect]))
-        yield HypothesisResult(hypothesis, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
+        yield HypothesisResult(hypothesis, gain, fitted.robot_noise, chance)
 
 
 FIX = Sentence("read-pose-again")
@@ -105,7 +105,8 @@ def _p_value(rest: HeldOutView, slopes: Array, beside_posture: Callable[[], floa
     posture: a view in a posture of its own is off by them. Poses do not show the posture.
     """
     by_number = 7 * rest.views * float(rest.outsider.p_values_along(slopes).min())
-    chance = min(2 * by_number, 2 * rest.views * rest.outsider.p_value_off(), 1.0)
+    off = rest.outsider.p_value_of(rest.outsider.residual)
+    chance = min(2 * by_number, 2 * rest.views * off, 1.0)
     if chance > MAX_SMALL_CHANCE or rest.view.joints_rad is None:
         return chance
     return max(chance, min(2 * rest.views * beside_posture(), 1.0))

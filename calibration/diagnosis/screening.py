@@ -34,8 +34,8 @@ def needs_diagnosis(evidence: Evidence, fitted: Fit) -> bool:
 
 def is_unusual(fitted: Fit) -> bool:
     """Whether robot and images disagree by more than is usual."""
-    rotation_rad, translation_mm = np.sqrt(fitted.variances)
-    return bool(translation_mm > MAX_USUAL_NOISE.translation_mm or rotation_rad > MAX_USUAL_NOISE.rotation_rad)
+    noise, most = fitted.robot_noise, MAX_USUAL_NOISE
+    return noise.translation_mm > most.translation_mm or noise.rotation_rad > most.rotation_rad
 
 
 def _gains(evidence: Evidence, fitted: Fit) -> Iterator[tuple[float, float]]:

@@ -119,12 +119,8 @@ class OutsideView:
     steps: Array
     covariances: Array
 
-    def p_value_off(self) -> float:
-        """p value of the view's residual."""
-        return self.p_value_of(self.residual)
-
     def p_value_of(self, residual: Array) -> float:
-        """p value of another residual (6,) in the place of the view's."""
+        """p value of a residual (6,) in the place of the view's."""
         return self.background._p_value(residual + self.steps, self.covariances)
 
     def p_values_along(self, slopes: Array) -> Array:

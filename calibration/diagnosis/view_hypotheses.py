@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -13,14 +14,7 @@ from calibration.diagnosis.hypothesis import Hypothesis
 from calibration.diagnosis.pose_errors import p_value_beside_all_errors
 from calibration.kinematics.robot_accuracy import postures_can_differ_by
 from calibration.sentences.sentence import Sentence
-from calibration.transforms import (
-    Array,
-    inverse,
-    map_points,
-    rotation_angle_rad,
-    transform,
-    vector_from_transform,
-)
+from calibration.transforms import Array, inverse, map_points, rotation_angle_rad, transform, vector_from_transform
 
 MAX_SUSPECTS = 10
 """Views that fit worst, among which mistyped and swapped poses are searched."""
@@ -173,7 +167,7 @@ def change_hypotheses(evidence: Evidence, points: Sequence[int]) -> Iterator[Hyp
                 y_labels=None if change.of_x else labels,
                 unknowns=6,
                 alternatives=2 * len(evidence),
-                test=x_change_p_value if change.of_x else y_change_p_value,
+                test=partial(change_p_value, of_x=change.of_x),
             )
 
 
@@ -203,21 +197,9 @@ def or_another_posture(change: Hypothesis) -> Hypothesis:
     return replace(change, message=message, fix=fix)
 
 
-def x_change_p_value(evidence: Evidence, fitted: Fit) -> float:
-    """Probability that a constant X appears as different before and after."""
-    return _change_p_value(evidence, fitted, fitted.mount_T_camera, 0)
-
-
-def y_change_p_value(evidence: Evidence, fitted: Fit) -> float:
-    """Probability that a constant target's pose appears as different before and after."""
-    return _change_p_value(evidence, fitted, fitted.anchor_T_target, 6)
-
-
-def _change_p_value(evidence: Evidence, fitted: Fit, poses: Array, first: int) -> float:
-    """p value of the change between `poses` (2, 4, 4); `first`: index of their first parameter among the unknowns."""
-    before, after = poses
-    between = inverse(before) @ after
-    step = vector_from_transform(between)
+def change_p_value(evidence: Evidence, fitted: Fit, *, of_x: bool) -> float:
+    """Probability that a constant X (`of_x`), or a constant target's pose, appears as different before and after."""
+    (before, after), first = (fitted.mount_T_camera, 0) if of_x else (fitted.anchor_T_target, 6)
     by_unknowns = np.zeros((6, fitted.by_shared.shape[2]))
     by_unknowns[:, first : first + 6], by_unknowns[:, first + 6 : first + 12] = -np.eye(6), np.eye(6)
-    return p_value_beside_all_errors(evidence, fitted, step, by_unknowns)
+    return p_value_beside_all_errors(evidence, fitted, vector_from_transform(inverse(before) @ after), by_unknowns)

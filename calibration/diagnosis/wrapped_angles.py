@@ -19,6 +19,7 @@ from calibration.sentences.sentence import Sentence
 from calibration.transforms import (
     Array,
     inverse,
+    nearest_rotation,
     rotation_angle_rad,
     rotation_from_vector,
     skew,
@@ -91,8 +92,7 @@ def _base_R_carried(evidence: Evidence) -> Array | None:
     # M p + d - turn c = place, with M the rotation of B transposed.
     rows = np.concatenate([np.kron(np.eye(3), given).reshape(3, n, 9).swapaxes(0, 1), _eyes(n), -turn], axis=2)
     M = np.linalg.lstsq(rows.reshape(-1, 15), place.ravel(), rcond=None)[0][:9].reshape(3, 3)
-    u, _, vt = np.linalg.svd(M)
-    M = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    M, _ = nearest_rotation(M)
     for _ in range(POSITION_STEPS):
         moved = given @ M.T
         slopes = np.concatenate([-skew(moved), _eyes(n), -turn], axis=2).reshape(-1, 9)
@@ -126,8 +126,7 @@ def _unwrap_euler(given: Array, turned: Array, order: str) -> _Unwrapped | None:
         chosen = numbers[np.arange(len(rows)), off[:, 1].astype(np.intp)]
         nearest = chosen + TURN * np.round((predicted - chosen) / TURN)
         rotations = rotation_from_euler(np.radians(nearest), order)
-        u, _, vt = np.linalg.svd((np.swapaxes(turned, 1, 2) @ rotations).mean(axis=0))
-        C = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        C, _ = nearest_rotation((np.swapaxes(turned, 1, 2) @ rotations).mean(axis=0))
     return _Unwrapped(rows, rotations, float(off[:, 0].mean()))
 
 

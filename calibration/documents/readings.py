@@ -92,18 +92,12 @@ class Compared:
     @property
     def possible(self) -> bool:
         """Whether robot and images agree as well as a robot and a camera can."""
-        return self.fit is not None and is_within(self.fit.robot_translation_mm, self.fit.robot_rotation_rad)
+        return self.fit is not None and self.fit.robot_noise.is_within(MAX_POSSIBLE_NOISE)
 
     @property
     def doubtful(self) -> bool:
         """Whether they agree worse than nearly every robot and camera: one pose in many may be wrong."""
-        left = None if self.fit is None else (self.fit.robot_translation_mm, self.fit.robot_rotation_rad)
-        return left is not None and not is_within(*left, DOUBTFUL_SHARE)
-
-
-def is_within(translation_mm: float, rotation_rad: float, share: float = 1.0) -> bool:
-    """Whether noise is at most that share of the largest of a robot."""
-    return bool(np.all(np.array([rotation_rad, translation_mm]) <= share * MAX_POSSIBLE_NOISE.levels()))
+        return self.fit is not None and not self.fit.robot_noise.is_within(MAX_POSSIBLE_NOISE, DOUBTFUL_SHARE)
 
 
 @dataclass(frozen=True)
@@ -224,7 +218,7 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
             words = f"{best.readings[0].words} and {others[0].readings[0].words} fit alike"
             return Decision(None, words, (best.readings[0], others[0].readings[0]))
         agreement += f"; next best {others[0].readings[0].words}: {times:.3g} times worse"
-        if best.fit.robot_translation_mm > MIN_RESIZED_MM:
+        if best.fit.robot_noise.translation_mm > MIN_RESIZED_MM:
             agreement += _other_size(table, compared[:1], evidence)
     if len(named := _named_apart(best.readings)) > 1:
         alike = " and ".join(f"{one.setup} with {one.frame}" for one in named)
@@ -299,12 +293,12 @@ def _explain_cause(table: PoseTable, compared: Sequence[Compared], evidence: Evi
         seen = replace(evidence, setup=reading.setup, base_T_flange=poses)
         points = np.zeros((1, 3)) if seen.pictures is None else seen.pictures.seen.points_mm.reshape(-1, 3)
         cause = diagnose(seen, points.mean(axis=0), len(table))
-        if cause and is_within(cause.after_mm, cause.after_rad, DOUBTFUL_SHARE):
+        if cause and cause.after.is_within(MAX_POSSIBLE_NOISE, DOUBTFUL_SHARE):
             found.append((cause, reading))
     if not found:
         return Decision(None, "")
-    best, reading = min(found, key=lambda one: one[0].after_mm)
-    left = f"{best.after_mm:.2g} mm and {np.degrees(best.after_rad):.2g} deg"
+    best, reading = min(found, key=lambda one: one[0].after.translation_mm)
+    left = f"{best.after.translation_mm:.2g} mm and {np.degrees(best.after.rotation_rad):.2g} deg"
     words = f"; {best.cause.message}: with that they agree to {left} ({reading.words})"
     return Decision(None, words, (), str(best.cause.fix))
 
@@ -446,5 +440,6 @@ def _named_apart(readings: Sequence[Reading]) -> tuple[Reading, ...]:
 
 def agreement_of(fit: Fit, reading: Reading | None = None) -> str:
     """The robot's noise of a fit in words, and the reading."""
-    words = f"{fit.robot_translation_mm:.2g} mm and {np.degrees(fit.robot_rotation_rad):.2g} deg"
+    noise = fit.robot_noise
+    words = f"{noise.translation_mm:.2g} mm and {np.degrees(noise.rotation_rad):.2g} deg"
     return words if reading is None else f"{words} ({reading.words})"

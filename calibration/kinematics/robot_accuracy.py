@@ -31,6 +31,10 @@ class RobotNoise:
         """(2,): rotation in rad, translation in mm, the order in which noise levels are estimated."""
         return np.array([self.rotation_rad, self.translation_mm])
 
+    def is_within(self, most: "RobotNoise", share: float = 1.0) -> bool:
+        """Whether both are at most that share of `most`."""
+        return bool(np.all(self.levels() <= share * most.levels()))
+
 
 MIN_REPEATABILITY = RobotNoise(0.01, float(np.radians(0.001)))
 """No robot repeats its poses better. Contradictions below it are the images' errors, and no fault is sought there."""

@@ -14,7 +14,7 @@ from calibration.diagnosis.findings import severity_of
 from calibration.diagnosis.fit import fit, fits
 from calibration.diagnosis.mount_check import ExpectedMount, mount_findings
 from calibration.diagnosis.screening import needs_diagnosis
-from calibration.diagnosis.view_hypotheses import y_change_p_value
+from calibration.diagnosis.view_hypotheses import change_p_value
 from calibration.kinematics.stance import Stance
 from calibration.problem import Setup
 from calibration.solve import solve_hand_eye
@@ -91,9 +91,9 @@ def test_fitting_together_is_fitting_one_by_one() -> None:
 
 
 def test_the_noise_of_the_robot_is_found() -> None:
-    found = [fit(evidence(seed, 30, Noise(0.05, 0.2, 0.02))) for seed in range(10, 18)]
-    assert np.mean([one.robot_translation_mm for one in found]) == pytest.approx(0.2, rel=0.1)
-    assert np.degrees(np.mean([one.robot_rotation_rad for one in found])) == pytest.approx(0.02, rel=0.1)
+    found = [fit(evidence(seed, 30, Noise(0.05, 0.2, 0.02))).robot_noise for seed in range(10, 18)]
+    assert np.mean([one.translation_mm for one in found]) == pytest.approx(0.2, rel=0.1)
+    assert np.degrees(np.mean([one.rotation_rad for one in found])) == pytest.approx(0.02, rel=0.1)
 
 
 def test_the_size_of_the_target_is_measured_by_the_robot() -> None:
@@ -238,7 +238,7 @@ def test_chances_in_clean_sessions_are_evenly_spread() -> None:
     """Among few views too, whose noise is known from themselves only."""
     after = np.arange(6) >= 3
     changed = [fit(evidence(seed, 6, ORDINARY), None, after.astype(np.intp)) for seed in range(100, 160)]
-    chances = np.array([y_change_p_value(evidence(0, 6), fitted) for fitted in changed])
+    chances = np.array([change_p_value(evidence(0, 6), fitted, of_x=False) for fitted in changed])
     assert 0.3 < np.mean(chances < 0.5) < 0.7
     assert np.mean(chances < 0.05) < 0.12
 
