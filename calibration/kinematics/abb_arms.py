@@ -3,7 +3,7 @@
 Lengths and limits as RobotComponents' presets (ABB.Presets) list them; a test compares each with the reach in its name.
 Where ros-industrial's abb and abb_experimental (abb_*_support/urdf; the speeds are theirs) describe the same arm, they
 agree, but for the IRB 1600, where the presets swap the limits of the long and the short arm; here they are as in ABB's
-product specification 3HAC023604-001. `evidence_of` says what each arm was compared with and what is doubtful.
+product specification 3HAC023604-001. `arm_evidence` says what each arm was compared with and what is doubtful.
 Not included: arms with a parallel rod, whose axis 3 is limited together with axis 2 (IRB 2400, 4400), and any whose
 published lengths do not give its reach (IRB 6700-245).
 """
@@ -12,10 +12,9 @@ import difflib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
 
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import Arm
@@ -28,26 +27,6 @@ where they do not meet, in mm; limits in deg."""
 
 _SPEEDS: dict[str, str] = json.loads(Path(__file__).with_name("abb_arms_speeds.json").read_text("utf-8"))
 """Speeds of axes 1 to 6 in deg/s where the sources have them; the others get the slowest. Only the mock uses them."""
-
-_EVIDENCE: dict[str, tuple[Literal["checked", "doubtful"], str]] = json.loads(
-    Path(__file__).with_name("abb_arms_evidence.json").read_text("utf-8")
-)
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What an arm's numbers were compared with. `state`: checked, doubtful, or not checked against a second source."""
-
-    state: Literal["checked", "doubtful", "single source"]
-    source: str
-
-
-def evidence_of(name: str) -> Evidence:
-    """The evidence for an arm of this list."""
-    if name not in _EVIDENCE:
-        return Evidence("single source", "ABB.Presets")
-    state, source = _EVIDENCE[name]
-    return Evidence(state, f"ABB.Presets; {source}")
 
 
 def _arm(line: str) -> Arm:

@@ -29,7 +29,7 @@ def read_arm_row(row: str) -> Arm:
         raise GeometryError(f"an arm is 'name | 6 lengths in mm | 6 limits in deg', got {row!r}")
     name, lengths, limits = parts[:3]
     given = lengths.split()
-    forward, height, lower_arm, elbow_up, forearm, flange = _six(name, "lengths", given[:6])
+    forward, height, lower_arm, elbow_up, forearm, flange = _numbers(name, "lengths", given[:6])
     (offset,) = _numbers(name, "lengths", given[6:] or ["0"], 1)
     ranges = [_range(name, limit) for limit in limits.split()]
     if len(ranges) != 6:
@@ -37,7 +37,7 @@ def read_arm_row(row: str) -> Arm:
     if not (0 < lower_arm <= MAX_LENGTH_MM and 0 < np.hypot(forearm, elbow_up) <= MAX_LENGTH_MM):
         raise GeometryError(f"arm {name}: lower arm and forearm are longer than 0 and at most {MAX_LENGTH_MM:g} mm")
     lower, upper = zip(*ranges, strict=True)
-    speeds = _six(name, "speeds", (parts[3] if len(parts) == 4 else SLOWEST).split())
+    speeds = _numbers(name, "speeds", (parts[3] if len(parts) == 4 else SLOWEST).split())
     if min(speeds) <= 0:
         raise GeometryError(f"arm {name}: its speeds are above 0 deg/s")
     arm = Arm(
@@ -61,24 +61,6 @@ def with_wrist_offset(arm: Arm, offset_mm: float) -> Arm:
     return arm if offset_mm == 0 else OffsetWristArm(**lengths_and_limits, wrist_offset_mm=offset_mm)
 
 
-def write_arm_row(arm: Arm) -> str:
-    """The line of an arm, which `read_arm_row` reads; lengths to 0.0001 mm, angles to 0.0001 deg."""
-    lengths = (
-        arm.shoulder_forward_mm, arm.shoulder_height_mm, arm.lower_arm_mm, arm.elbow_up_mm, arm.forearm_mm,
-        arm.flange_mm, *([arm.wrist_offset_mm] if arm.wrist_offset_mm else []),
-    )  # fmt: skip
-    limits = [
-        _number(high) if low == -high else f"{_number(low)}/{_number(high)}"
-        for low, high in np.degrees([arm.lower_rad, arm.upper_rad]).round(4).T.tolist()
-    ]
-    speeds = [_number(speed) for speed in np.degrees(arm.speed_rad_s).round(4).tolist()]
-    return f"{arm.name} | {' '.join(map(_number, lengths))} | {' '.join(limits)} | {' '.join(speeds)}"
-
-
-def _number(value: float) -> str:
-    return f"{round(value, 4) + 0.0:.10g}"
-
-
 def _range(name: str, limit: str) -> tuple[float, float]:
     """Lower and upper limit: `170` means ± 170, `-75/125` from -75 to 125."""
     try:
@@ -91,11 +73,7 @@ def _range(name: str, limit: str) -> tuple[float, float]:
     return low, high
 
 
-def _six(name: str, what: str, texts: list[str]) -> list[float]:
-    return _numbers(name, what, texts, 6)
-
-
-def _numbers(name: str, what: str, texts: list[str], count: int) -> list[float]:
+def _numbers(name: str, what: str, texts: list[str], count: int = 6) -> list[float]:
     try:
         numbers = [float(text) for text in texts]
     except ValueError:

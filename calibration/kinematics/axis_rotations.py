@@ -1,5 +1,7 @@
 """Rotations about the coordinate axes."""
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -22,16 +24,5 @@ def rotation_about(axis: int, angle: ArrayLike) -> Array:
     return result
 
 
-def rotation_x(angle: ArrayLike) -> Array:
-    """Rotations (..., 3, 3) about x, angle (...) in rad."""
-    return rotation_about(0, angle)
-
-
-def rotation_y(angle: ArrayLike) -> Array:
-    """Rotations (..., 3, 3) about y, angle (...) in rad."""
-    return rotation_about(1, angle)
-
-
-def rotation_z(angle: ArrayLike) -> Array:
-    """Rotations (..., 3, 3) about z, angle (...) in rad."""
-    return rotation_about(2, angle)
+rotation_x, rotation_y, rotation_z = (partial(rotation_about, axis) for axis in range(3))
+"""Rotations (..., 3, 3) about x, y or z, angle (...) in rad."""

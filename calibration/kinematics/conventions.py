@@ -6,26 +6,14 @@ The numbers stand in the order of the rotations; where columns are named after a
 axis. An extrinsic order is the reversed intrinsic order of the reversed numbers (Diebel, Representing Attitude, 2006).
 """
 
-import difflib
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import permutations
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.errors import GeometryError
 from calibration.kinematics.axis_rotations import rotation_about
-from calibration.transforms import (
-    QUATERNION_NORM_TOLERANCE,
-    Array,
-    nearest_rotation,
-    quaternion_from_rotation,
-    rotation_from_quaternion,
-    rotation_from_vector,
-    vector_from_rotation,
-)
+from calibration.transforms import Array, quaternion_from_rotation, vector_from_rotation
 
 Kind = Literal["quaternion", "angles", "matrix", "joints", "points"]
 LengthUnit = Literal["m", "mm"]
@@ -41,9 +29,6 @@ ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "XZX", "YXY", "YZY", 
 
 MIN_LOCK_SINE = 0.01
 """Sine of the angle from gimbal lock below which two of three Euler angles are not determined."""
-
-MAX_MATRIX_ERROR = 5e-3
-"""Largest distance of a matrix from a rotation (Frobenius); three decimals give up to 1.5e-3."""
 
 
 @dataclass(frozen=True)
@@ -134,43 +119,6 @@ list them (rotation_format_configuration.py, 2026-03). Staubli is RoboDK's (Stau
 neither, and not confirmed by a manual."""
 
 
-def find_conventions(name: str) -> tuple[tuple[Convention, ...], LengthUnit | None]:
-    """The conventions of a name, several of a brand, and its unit. Raises GeometryError that names the nearest."""
-    if name.lower() in BRANDS:
-        brand = BRANDS[name.lower()]
-        return tuple(CONVENTIONS[one] for one in brand.conventions), brand.unit
-    if name in CONVENTIONS:
-        return (CONVENTIONS[name],), None
-    near = difflib.get_close_matches(name, [*BRANDS, *CONVENTIONS], n=1, cutoff=0.4)
-    hint = f"; did you mean '{near[0]}'?" if near else ""
-    raise GeometryError(f"no convention is called {name!r}{hint}")
-
-
-def rotations_of(convention: Convention, numbers: Array, *, by_axis: bool = False) -> Array:
-    """Rotations (n, 3, 3) of the numbers (n, k).
-
-    by_axis : the three numbers are those of the axes x, y, z, not in the order of the rotations.
-    Raises GeometryError for a norm that is not 1 or a matrix that is no rotation, naming the row.
-    """
-    match convention.kind:
-        case "quaternion":
-            return _from_quaternions(numbers if convention.order == "wxyz" else np.roll(numbers, 1, axis=1))
-        case "points":
-            return np.tile(np.eye(3), (len(numbers), 1, 1))
-        case "matrix":
-            matrices = numbers.reshape(-1, 3, 3)
-            return _from_matrices(matrices if convention.order == "rows" else np.swapaxes(matrices, 1, 2))
-    radians = np.radians(numbers) if convention.degrees else numbers
-    if convention.order == "vector":
-        return rotation_from_vector(radians)
-    order = convention.order
-    if by_axis and order != "ZYZ":
-        radians = radians[:, ["xyz".index(axis) for axis in order.lower()]]
-    if order.isupper():
-        return rotation_from_euler(radians, order)
-    return rotation_from_euler(radians[:, ::-1], order[::-1].upper())
-
-
 def numbers_of(name: str, rotation: Array) -> tuple[float, ...]:
     """The numbers of a rotation (3, 3) in the convention of that name, whose quaternions have w >= 0."""
     convention = CONVENTIONS[name]
@@ -228,39 +176,3 @@ def euler_numbers(
         other, determined = np.pi - b, np.abs(np.cos(b)) > min_lock_sine
     both = np.stack([np.stack([a, b, c], axis=1), np.stack([a + np.pi, other, c + np.pi], axis=1)], axis=1)
     return (both + np.pi) % (2 * np.pi) - np.pi, determined
-
-
-def _from_quaternions(wxyz: Array) -> Array:
-    norms = np.linalg.norm(wxyz, axis=1)
-    wrong = np.flatnonzero(~(np.abs(norms - 1) <= QUATERNION_NORM_TOLERANCE))
-    if len(wrong):
-        raise GeometryError(f"pose {wrong[0] + 1}: the quaternion's norm is {norms[wrong[0]]:.4g}, not 1")
-    return rotation_from_quaternion(wxyz)
-
-
-def _from_matrices(matrices: Array) -> Array:
-    rotations = np.empty_like(matrices)
-    for row, matrix in enumerate(matrices):
-        rotations[row], distance = nearest_rotation(matrix)
-        if not distance <= MAX_MATRIX_ERROR:
-            raise GeometryError(f"pose {row + 1}: the matrix is {distance:.2g} away from a rotation")
-    return rotations
-
-
-def allowed_conventions(kind: Kind, numbers: Array, *, by_axis: bool = False) -> tuple[Convention, ...]:
-    """The conventions under which numbers (n, k) of a kind may be meant.
-
-    Angles beyond a full turn are degrees. By axis, orders in which an axis occurs twice are left out but for Kawasaki's
-    ZYZ, which some call rx, ry, rz, and the extrinsic ones, which are the intrinsic ones reversed.
-    """
-    found: Sequence[Convention] = [convention for convention in CONVENTIONS.values() if convention.kind == kind]
-    if kind in ("angles", "joints"):
-        if np.max(np.abs(numbers), initial=0.0) > MAX_ANGLE_RAD:
-            found = [convention for convention in found if convention.degrees]
-        if by_axis:
-            found = [one for one in found if one.order in {"vector", "ZYZ", *map("".join, permutations("XYZ"))}]
-    return tuple(found)
-
-
-MAX_ANGLE_RAD = 6.5
-"""Slightly more than a full turn: a larger number is an angle in degrees."""

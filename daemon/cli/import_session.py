@@ -103,8 +103,8 @@ def _axes(text: str) -> tuple[str, ...]:
 
 
 def _conventions(name: str) -> "tuple[tuple[Convention, ...], LengthUnit | None]":
+    from calibration.documents.imports.pose_table import find_conventions
     from calibration.errors import GeometryError
-    from calibration.kinematics.conventions import find_conventions
 
     try:
         return find_conventions(name)

@@ -1,8 +1,10 @@
 """Robot poses as a file has them: numbers, with what the file says of their meaning and what it leaves open."""
 
 import contextlib
+import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.conventions import (
+    BRANDS,
     CONVENTIONS,
     LENGTH_UNITS,
     MM,
@@ -20,11 +23,18 @@ from calibration.kinematics.conventions import (
     Kind,
     LengthUnit,
     Side,
-    allowed_conventions,
-    rotations_of,
+    rotation_from_euler,
 )
 from calibration.problem import PosesOf, Setup
-from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array, inverse, transform
+from calibration.transforms import (
+    QUATERNION_NORM_TOLERANCE,
+    Array,
+    inverse,
+    nearest_rotation,
+    rotation_from_quaternion,
+    rotation_from_vector,
+    transform,
+)
 
 MAX_ARM_MM, MIN_ARM_MM = 20_000.0, 50.0
 """Longest distance of a flange from its base, on tracks too, and the shortest in the median of the views."""
@@ -32,6 +42,12 @@ MAX_ARM_MM, MIN_ARM_MM = 20_000.0, 50.0
 MIN_STATED_MM = 20.0  # no arm stays that near to its base in all views: then the unit in the header is wrong
 MIXED_RATIO = 100.0
 """Poses so much nearer to the base than the farthest one are in another unit when a factor of 1000 explains it."""
+
+MAX_MATRIX_ERROR = 5e-3
+"""Largest distance of a matrix from a rotation (Frobenius); three decimals give up to 1.5e-3."""
+
+MAX_ANGLE_RAD = 6.5
+"""Slightly more than a full turn: a larger number is an angle in degrees."""
 
 MAX_NUMBER = 1e15  # larger numbers are damaged, and their squares overflow
 MAX_ANGLE_DEG = 360.0  # larger numbers are no angles of an orientation, and no joints
@@ -260,3 +276,72 @@ def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layou
             raise refusal(origin, f"pose {labels[row] if labels else row + 1}", what, "write rigid transforms")
     turns = matrices[:, :3, :3].reshape(-1, 9).astype(float)
     return table_of_arrays(origin, labels, matrices[:, :3, 3].astype(float), turns, layout, "matrix")
+
+
+def find_conventions(name: str) -> tuple[tuple[Convention, ...], LengthUnit | None]:
+    """The conventions of a name, several of a brand, and its unit. Raises GeometryError that names the nearest."""
+    if name.lower() in BRANDS:
+        brand = BRANDS[name.lower()]
+        return tuple(CONVENTIONS[one] for one in brand.conventions), brand.unit
+    if name in CONVENTIONS:
+        return (CONVENTIONS[name],), None
+    near = difflib.get_close_matches(name, [*BRANDS, *CONVENTIONS], n=1, cutoff=0.4)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    raise GeometryError(f"no convention is called {name!r}{hint}")
+
+
+def rotations_of(convention: Convention, numbers: Array, *, by_axis: bool = False) -> Array:
+    """Rotations (n, 3, 3) of the numbers (n, k).
+
+    by_axis : the three numbers are those of the axes x, y, z, not in the order of the rotations.
+    Raises GeometryError for a norm that is not 1 or a matrix that is no rotation, naming the row.
+    """
+    match convention.kind:
+        case "quaternion":
+            return _from_quaternions(numbers if convention.order == "wxyz" else np.roll(numbers, 1, axis=1))
+        case "points":
+            return np.tile(np.eye(3), (len(numbers), 1, 1))
+        case "matrix":
+            matrices = numbers.reshape(-1, 3, 3)
+            return _from_matrices(matrices if convention.order == "rows" else np.swapaxes(matrices, 1, 2))
+    radians = np.radians(numbers) if convention.degrees else numbers
+    if convention.order == "vector":
+        return rotation_from_vector(radians)
+    order = convention.order
+    if by_axis and order != "ZYZ":
+        radians = radians[:, ["xyz".index(axis) for axis in order.lower()]]
+    if order.isupper():
+        return rotation_from_euler(radians, order)
+    return rotation_from_euler(radians[:, ::-1], order[::-1].upper())
+
+
+def _from_quaternions(wxyz: Array) -> Array:
+    norms = np.linalg.norm(wxyz, axis=1)
+    wrong = np.flatnonzero(~(np.abs(norms - 1) <= QUATERNION_NORM_TOLERANCE))
+    if len(wrong):
+        raise GeometryError(f"pose {wrong[0] + 1}: the quaternion's norm is {norms[wrong[0]]:.4g}, not 1")
+    return rotation_from_quaternion(wxyz)
+
+
+def _from_matrices(matrices: Array) -> Array:
+    rotations = np.empty_like(matrices)
+    for row, matrix in enumerate(matrices):
+        rotations[row], distance = nearest_rotation(matrix)
+        if not distance <= MAX_MATRIX_ERROR:
+            raise GeometryError(f"pose {row + 1}: the matrix is {distance:.2g} away from a rotation")
+    return rotations
+
+
+def allowed_conventions(kind: Kind, numbers: Array, *, by_axis: bool = False) -> tuple[Convention, ...]:
+    """The conventions under which numbers (n, k) of a kind may be meant.
+
+    Angles beyond a full turn are degrees. By axis, orders in which an axis occurs twice are left out but for Kawasaki's
+    ZYZ, which some call rx, ry, rz, and the extrinsic ones, which are the intrinsic ones reversed.
+    """
+    found: Sequence[Convention] = [convention for convention in CONVENTIONS.values() if convention.kind == kind]
+    if kind in ("angles", "joints"):
+        if np.max(np.abs(numbers), initial=0.0) > MAX_ANGLE_RAD:
+            found = [convention for convention in found if convention.degrees]
+        if by_axis:
+            found = [one for one in found if one.order in {"vector", "ZYZ", *map("".join, permutations("XYZ"))}]
+    return tuple(found)

@@ -8,12 +8,11 @@ from calibration.documents.imports.leaves import array_of
 from calibration.documents.imports.number_tables import words_of
 from calibration.documents.imports.pairing import natural, pair
 from calibration.documents.imports.pose_files import read_poses
-from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.pose_table import PoseTable, find_conventions
 from calibration.documents.imports.refusal import decode
 from calibration.documents.imports.text_tables import rows_of
 from calibration.documents.imports.trees import read_yaml
 from calibration.errors import DocumentError, GeometryError
-from calibration.kinematics.conventions import find_conventions
 from calibration.transforms import Array
 from extensions.sweeps.mathematics.profiler import ArtefactSweep
 from registration.errors import CloudIOError, ProfileError

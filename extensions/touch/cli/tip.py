@@ -47,8 +47,8 @@ def tip(
 
 def _calibrate(table: "PoseTable", convention: str | None, unit: Literal["m", "mm"] | None) -> "TipCalibration":
     """By the reading of the numbers that makes them poses about one point. Raises CommandError, UndeterminedError."""
+    from calibration.documents.imports.pose_table import find_conventions
     from calibration.errors import CalibrationError, GeometryError
-    from calibration.kinematics.conventions import find_conventions
     from extensions.touch.mathematics.pivot_calibration import calibrate_tip
 
     try:

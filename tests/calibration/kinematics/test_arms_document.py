@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.kinematics.abb_arms import ARMS, evidence_of, find_arm
+from calibration.kinematics.abb_arms import ARMS, find_arm
+from calibration.kinematics.arm_evidence import evidence_of
 
 PAGE = (Path(__file__).parents[3] / "docs" / "arms.md").read_text(encoding="utf-8")
 ROWS = {line.split("|")[1].strip(): line for line in PAGE.splitlines() if line.startswith(("| IRB", "| CRB"))}

@@ -4,15 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calibration.documents.imports.pose_table import allowed_conventions, find_conventions, rotations_of
 from calibration.errors import GeometryError
 from calibration.kinematics.conventions import (
     BRANDS,
     CONVENTIONS,
     NUMBERS,
-    allowed_conventions,
-    find_conventions,
     numbers_of,
-    rotations_of,
 )
 from calibration.transforms import rotation_from_vector
 

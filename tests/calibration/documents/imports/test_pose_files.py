@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from calibration.documents.imports.pose_files import read_poses
+from calibration.documents.imports.pose_table import find_conventions
 from calibration.errors import DocumentError
-from calibration.kinematics.conventions import find_conventions
 from calibration.problem import PosesOf
 from tests.calibration.documents.imports.written import FILES, MM, POSES, WXYZ, euler, lines, matrices, rows
 
