@@ -143,6 +143,13 @@ def squared_distances(off: Array, covariance: Array) -> Array:
     return squared
 
 
+def mixture_moments(weights: Array, means: Array, covariances: Array) -> tuple[Array, Array]:
+    """Mean (p,) and covariance (p, p) of a mixture of k densities by their weights, means (k, p) and covariances."""
+    mean = weights @ means
+    off = means - mean
+    return mean, np.tensordot(weights, covariances, 1) + (weights[:, None] * off).T @ off
+
+
 def inverse_or_pseudo_inverse(matrices: Array) -> Array:
     """Plain inverses (..., k, k); pseudo-inverses of the whole stack when one of it is exactly singular."""
     try:

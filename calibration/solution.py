@@ -13,7 +13,7 @@ from calibration.camera import CameraModel
 from calibration.kinematics.arm_errors import Group
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.robot_accuracy import NoiseBelief
-from calibration.problem import AxisOffset, Setup
+from calibration.problem import AxisOffset, Problem, Setup, View
 from calibration.sentences.described import Described
 from calibration.targets import IN_DOCUMENTS
 from calibration.transforms import Array
@@ -319,3 +319,9 @@ class Solution:
     axis_offset: AxisOffset | None = None
     external_axis: ExternalAxisEstimate | None = None
     target_scale: float = 1.0
+
+
+def used_views(problem: Problem, solution: Solution) -> tuple[View, ...]:
+    """The problem's views that the solution does not reject."""
+    used = {view.index for view in solution.views if view.status != "rejected"}
+    return tuple(view for view in problem.views if view.index in used)

@@ -112,7 +112,7 @@ def _estimate_with_axis(problem: Problem, given: ExternalAxis) -> tuple[Problem,
         if fit.settled:
             break
         axis = fit.axis
-    return at_zero, replace(estimate, selection=fit.widen(selection)), fit
+    return at_zero, replace(estimate, selection=selection.widened(fit.widening)), fit
 
 
 def poses_at_zero(problem: Problem, solution: Solution) -> Problem:

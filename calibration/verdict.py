@@ -11,9 +11,9 @@ from calibration.closed_forms.observability import distinct_stations, summarise_
 from calibration.kinematics.abb_arms import ARMS
 from calibration.kinematics.joint_check import any_arm_fits
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE, MAX_USUAL_NOISE
-from calibration.problem import ANCHORS, MOUNTS, PosesOf, Problem, Setup, View
+from calibration.problem import ANCHORS, MOUNTS, PosesOf, Problem, Setup
 from calibration.sentences.sentence import Sentence
-from calibration.solution import COVERAGE_FACTOR, Finding, Noise, Severity, Solution, Uncertainty
+from calibration.solution import COVERAGE_FACTOR, Finding, Noise, Severity, Solution, Uncertainty, used_views
 
 DEFAULT_TOLERANCE_MM = 1.0
 
@@ -210,7 +210,7 @@ def _point(problem: Problem, solution: Solution, limits: VerdictLimits) -> Itera
 
 
 def _axes(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
-    poses = np.array([view.base_T_flange for view in _used_views(problem, solution)])
+    poses = np.array([view.base_T_flange for view in used_views(problem, solution)])
     angle = summarise_motion(poses).axis_angle_rad
     if solution.axis_offset is None and angle < limits.axis_angle_rad:
         yield Finding(
@@ -227,7 +227,7 @@ def _inverted(problem: Problem, solution: Solution, limits: VerdictLimits) -> It
         return
     if any(_contradiction(problem, solution, limits)):  # refused, and anything fits such poses
         return
-    used = _used_views(problem, solution)
+    used = used_views(problem, solution)
     poses = np.array([view.base_T_flange for view in used])
     misfit_mm, misfit_rad = misfit_of_inverted_poses(poses[distinct_stations(poses)])
     allowed_mm = INVERTED_SIGMA * (solution.noise.robot_translation_mm or 0.0)
@@ -240,11 +240,6 @@ def _inverted(problem: Problem, solution: Solution, limits: VerdictLimits) -> It
     yield Finding(
         "inverted-fits-as-well", "error", Sentence("inverted-fits-as-well"), Sentence("take-a-view-turned-otherwise")
     )
-
-
-def _used_views(problem: Problem, solution: Solution) -> list[View]:
-    used = {view.index for view in solution.views if view.status != "rejected"}
-    return [view for view in problem.views if view.index in used]
 
 
 def _robot(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:

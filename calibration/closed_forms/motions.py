@@ -45,13 +45,8 @@ def all_pairs(anchor_T_mount: Array, camera_T_target: Array) -> MotionPairs:
     return MotionPairs(inverse(anchor_T_mount[j]) @ anchor_T_mount[i], camera_T_target[j] @ inverse(camera_T_target[i]))
 
 
-def translation_of(motions: MotionPairs, rotation: Array) -> Array:
-    """t (3,) of X from (R_A - I) t = R t_B - t_A over all motions, by least squares (Tsai & Lenz 1989, Eq. 15)."""
+def with_translation(motions: MotionPairs, rotation: Array) -> Array:
+    """X (4, 4) of its rotation R and the t of least squares of (R_A - I) t = R t_B - t_A (Tsai & Lenz 1989, Eq. 15)."""
     coefficients: Array = (motions.mount[:, :3, :3] - np.eye(3)).reshape(-1, 3)
     right_hand: Array = (motions.camera[:, :3, 3] @ rotation.T - motions.mount[:, :3, 3]).reshape(-1)
-    return np.asarray(np.linalg.lstsq(coefficients, right_hand, rcond=None)[0])
-
-
-def with_translation(motions: MotionPairs, rotation: Array) -> Array:
-    """X (4, 4) of its rotation (3, 3) and the least-squares translation of it, `translation_of`."""
-    return transform(rotation, translation_of(motions, rotation))
+    return transform(rotation, np.linalg.lstsq(coefficients, right_hand, rcond=None)[0])

@@ -24,7 +24,7 @@ from calibration.observations.pose_model import predicted_camera_T_target
 from calibration.observations.view_poses import candidate_poses
 from calibration.problem import MOUNTS, MeasuredPose, Problem, anchor_T_mount_of
 from calibration.sentences.sentence import Sentence
-from calibration.solution import Finding, Noise, Solution
+from calibration.solution import Finding, Noise, Solution, used_views
 from calibration.transforms import Array, difference, inverse, map_points, rotation_angle_rad, vector_from_transform
 
 CIRCULAR = "circular-poses"
@@ -146,8 +146,7 @@ def leave_out_settled(solution: Solution) -> Solution:
 
 
 def _session(problem: Problem, solution: Solution) -> _Session | None:
-    used = {view.index for view in solution.views if view.status != "rejected"}
-    problem = replace(problem, views=tuple(view for view in problem.views if view.index in used))
+    problem = replace(problem, views=used_views(problem, solution))
     if problem.in_space:
         try:
             measured, _ = measured_views(problem)

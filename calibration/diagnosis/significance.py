@@ -16,6 +16,7 @@ from calibration.diagnosis.fit import MIN_INFORMATION, MIN_VARIANCES, Fit
 from calibration.kinematics.robot_accuracy import PRIOR_FACTOR, PRIOR_NOISE
 from calibration.linear_algebra import (
     inverse_or_pseudo_inverse,
+    mixture_moments,
     scaled_inverse_and_log_determinant,
     scaled_solve,
     squared_distances,
@@ -148,10 +149,7 @@ class OutsideView:
 
     def _moments(self) -> tuple[Array, Array]:
         """Mean step (6,) and covariance (6, 6) over all levels."""
-        weights = self.background.weights
-        mean = weights @ self.steps
-        off = self.steps - mean
-        return mean, np.tensordot(weights, self.covariances, 1) + (weights[:, None] * off).T @ off
+        return mixture_moments(self.background.weights, self.steps, self.covariances)
 
 
 def _with_camera(by_shared: Array, by_camera: Array | None) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.likelihood.axis_offset import GivenCoordinate
-from calibration.observations.pose_model import derivative_by_flange, derivative_by_shared, predicted_camera_T_target
+from calibration.observations.pose_model import derivative_by_flange, predicted_camera_T_target
 from calibration.problem import Setup, anchor_T_mount_of, base_T_flange_of
 from calibration.transforms import (
     Array,
@@ -51,10 +51,6 @@ class Chain:
         """The target (n, 4, 4) in the frame of the flange, as each view saw it."""
         seen = self.mount_T_camera @ self.camera_T_target()
         return seen if self.setup == "eye-in-hand" else inverse(self.corrected_base_T_flange()) @ seen
-
-    def shared_jacobian(self, camera_T_target: Array) -> Array:
-        """Derivative (n, 6, 12) of the poses Z by X and Y."""
-        return derivative_by_shared(camera_T_target)
 
     def correction_jacobian(self, camera_T_target: Array) -> Array:
         """Derivative (n, 6, 6) of each pose Z by the correction of its robot pose."""

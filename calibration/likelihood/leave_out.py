@@ -34,7 +34,7 @@ from calibration.likelihood.estimate import Estimate, exact_pixels
 from calibration.likelihood.mixed_model import per_view_equations
 from calibration.linear_algebra import covariance_of, squared_distances
 from calibration.observations.observations import Observations
-from calibration.observations.pose_model import pose_residuals
+from calibration.observations.pose_model import derivative_by_shared, pose_residuals
 from calibration.observations.reprojection import PixelStatistics, pixel_statistics
 from calibration.observations.view_poses import apply_pose_steps
 from calibration.problem import anchor_T_mount_of
@@ -58,17 +58,9 @@ def leave_one_out(best: Estimate) -> LeaveOneOut:
     return LeaveOneOut(-(covariance @ (step.gradient - gradient)[..., None])[..., 0] - step.b, covariance)
 
 
-def leave_one_out_chain(best: Estimate, left_out: LeaveOneOut) -> Chain:
-    """The chain of each view (stacked) with X and Y of the other views, and the robot's poses as reported."""
-    chain = best.chain
-    return chain.apply_step(left_out.b[:, :12], np.zeros_like(chain.corrections))
-
-
-def squared_view_distances(best: Estimate, left_out: LeaveOneOut, by_shared: Array) -> Array:
-    """Squared Mahalanobis distance (n,) of each view's own pose from its prediction by the others; 6 dof.
-
-    `by_shared` (n, 6, 12): derivative of camera_T_target by (X, Y).
-    """
+def squared_view_distances(best: Estimate) -> Array:
+    """Squared Mahalanobis distance (n,) of each view's own pose from its prediction by the others; 6 dof."""
+    left_out, by_shared = leave_one_out(best), derivative_by_shared(best.chain.camera_T_target())
     information, gradient = per_view_equations(best.model, best.variances, best.step)
     gradient = gradient + (information @ (left_out.b + best.step.b)[..., None])[..., 0]
     # The derivative of a view's pose by X is -1 in the camera's frame, so X's block is the pose's own information.
@@ -84,10 +76,8 @@ def squared_outside_distances(best: Estimate, seen: Observations, camera_T_targe
     expected = chain.camera_T_target()
     off = pose_residuals(camera_T_target, expected)
     own = covariance_of(pixel_statistics(seen, best.camera, camera_T_target).normal / best.variances.pixel)
-    by_robot, by_shared = (
-        chain.correction_jacobian(expected) * best.variances.deviations(),
-        chain.shared_jacobian(expected),
-    )
+    by_robot = chain.correction_jacobian(expected) * best.variances.deviations()
+    by_shared = derivative_by_shared(expected)
     spread = own + by_robot @ np.swapaxes(by_robot, 1, 2)
     spread += by_shared @ best.step.covariance[:12, :12] @ np.swapaxes(by_shared, 1, 2)
     return squared_distances(off, spread)
@@ -105,7 +95,8 @@ def hold_out(seen: Observations, best: Estimate, camera_T_target: Array) -> Hold
     if len(seen) < MIN_PREDICTING_VIEWS:
         return None
     left_out = leave_one_out(best)
-    chain = leave_one_out_chain(best, left_out)
+    # Of each view X and Y of the other views, and the robot's poses as reported.
+    chain = best.chain.apply_step(left_out.b[:, :12], np.zeros_like(best.chain.corrections))
     assert best.nuisances is not None
     pixels = exact_pixels(seen, best.nuisances)
     alone = pixels(camera_T_target, best.z).normal

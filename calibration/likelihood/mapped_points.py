@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.problem import Problem, Setup
-from calibration.solution import ArmScale, NamedPoint, PointUncertainty, Solution
+from calibration.solution import ArmScale, NamedPoint, PointUncertainty, Solution, used_views
 from calibration.transforms import Array, inverse, map_points, skew
 
 MAX_LISTED_POINTS = 27
@@ -70,8 +70,7 @@ def working_volume_uncertainty(covariance: Array, points_mm: Array) -> tuple[Poi
 
 def at_points(problem: Problem, solution: Solution, points: Sequence[NamedPoint]) -> Solution:
     """The solution with its uncertainty at `points` in place of the working volume; unchanged without any, or X."""
-    used = {view.index for view in solution.views if view.status != "rejected"}
-    poses = np.array([problem.anchor_T_mount(view) for view in problem.views if view.index in used])
+    poses = np.array([problem.anchor_T_mount(view) for view in used_views(problem, solution)])
     return with_points(solution, points, poses)
 
 

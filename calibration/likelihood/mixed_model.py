@@ -15,6 +15,7 @@ import numpy as np
 from calibration.knowledge import PriorMixture
 from calibration.likelihood.chain import Chain
 from calibration.linear_algebra import covariance_of, inverse_or_pseudo_inverse
+from calibration.observations.pose_model import derivative_by_shared
 from calibration.observations.reprojection import PixelStatistics
 from calibration.transforms import Array, vector_from_rotation
 
@@ -154,7 +155,7 @@ def linearise_model(statistics: PixelStatistics, chain: Chain, camera_T_target: 
     # Derivatives of pose, intrinsics and residual by [robot pose, shared unknowns, 1].
     by = np.zeros((n, k + 1, 6 + p + 1))
     robot = by[:, :6, :6] = chain.correction_jacobian(camera_T_target)
-    by[:, :6, 6:18] = chain.shared_jacobian(camera_T_target)
+    by[:, :6, 6:18] = derivative_by_shared(camera_T_target)
     by[:, 6:, 18:] = np.eye(k - 5)
     # The residual as if the corrections were zero: y = r - U c.
     by[:, :6, -1] = -(robot @ chain.corrections[..., None])[..., 0]

@@ -63,13 +63,13 @@ def pixel_statistics(
     shape_modes: Array | None = None,
 ) -> PixelStatistics:
     """The sums of every view at the poses camera_T_target (n, 4, 4)."""
-    columns = _columns(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, shape_modes=shape_modes)
+    columns = pixel_columns(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, shape_modes=shape_modes)
     columns = columns.reshape(*columns.shape[:2], 2 * columns.shape[3])
     count = 2 * np.count_nonzero(seen.weights, axis=1).astype(float)
     return PixelStatistics(columns @ np.swapaxes(columns, 1, 2), count)
 
 
-def pixel_rows(
+def pixel_columns(
     seen: Observations,
     camera: CameraModel,
     camera_T_target: Array,
@@ -77,20 +77,10 @@ def pixel_rows(
     free_intrinsics: bool | NDArray[np.bool_] = False,
     shape_modes: Array | None = None,
 ) -> Array:
-    """Derivatives and, last, residual of every pixel coordinate, times the root of its weight: (n, m, 2, k + 1)."""
-    columns = _columns(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, shape_modes=shape_modes)
-    return np.ascontiguousarray(columns.transpose(0, 3, 2, 1))
+    """Derivatives and, last, residual of every pixel coordinate, times the root of its weight: (n, k + 1, 2, m).
 
-
-def _columns(
-    seen: Observations,
-    camera: CameraModel,
-    camera_T_target: Array,
-    *,
-    free_intrinsics: bool | NDArray[np.bool_],
-    shape_modes: Array | None,
-) -> Array:
-    """`pixel_rows` as (n, k + 1, 2, m); every derivative is contiguous in memory, for speed."""
+    Every derivative is contiguous in memory, for speed.
+    """
     arms = camera_T_target[:, :3, :3] @ np.swapaxes(seen.points_mm, 1, 2)
     x, y, z = np.moveaxis(arms + camera_T_target[:, :3, 3:], 1, 0)
     z = np.maximum(z, MIN_DEPTH_MM)

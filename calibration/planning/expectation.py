@@ -8,7 +8,7 @@ import numpy as np
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
-from calibration.solution import NamedPoint, Solution
+from calibration.solution import NamedPoint, Solution, used_views
 
 MAX_RATIO = 1.5
 """Of the U that was found to the expected one, and of the expected to the found, above which the reason is given."""
@@ -42,8 +42,7 @@ def expectation_of(
     x, y, camera = solution.mount_T_camera, solution.anchor_T_target, solution.camera
     if x is None or y is None or camera is None or solution.uncertainty is None or problem.in_space:
         return NOTHING_EXPECTED
-    used = {view.index for view in solution.views if view.status != "rejected"}
-    poses = np.array([view.base_T_flange for view in problem.views if view.index in used])
+    poses = np.array([view.base_T_flange for view in used_views(problem, solution)])
     free = solution.camera_source == "estimated" and problem.camera is None
     scene = Scene(problem.setup, problem.target, camera, x, y, noise, free, points, problem.knowledge, problem.camera)
     expected_mm = predict(scene, poses).worst_point.expanded_mm

@@ -13,7 +13,7 @@ from calibration.planning.scene_belief import expected_noise
 from calibration.planning.viewpoints import ViewpointLimits
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
-from calibration.solution import Finding, NamedPoint, Solution
+from calibration.solution import Finding, NamedPoint, Solution, used_views
 from calibration.transforms import inverse, map_points
 
 RESTARTS = 2
@@ -70,8 +70,7 @@ class PlanComparison:
         """
         if solution.mount_T_camera is None or solution.anchor_T_target is None or solution.camera is None:
             return
-        used = {view.index for view in solution.views if view.status != "rejected"}
-        taken = np.array([view.base_T_flange for view in problem.views if view.index in used])
+        taken = np.array([view.base_T_flange for view in used_views(problem, solution)])
         if not len(taken):
             return
         scene = Scene(

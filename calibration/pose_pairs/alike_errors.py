@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import cho_solve, cholesky
 
-from calibration.linear_algebra import covariance_of
+from calibration.linear_algebra import covariance_of, mixture_moments
 from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.independent_noise import PoseFit
 from calibration.pose_pairs.noise_models import RANDOM_WALK, sources_of
@@ -61,10 +61,9 @@ def with_alike_errors(pairs: PosePairs, fitted: PoseFit) -> PoseFit:
     logs, steps, covariances = (np.array(part) for part in zip(*found, strict=True))
     weights = np.array(priors) * np.exp(logs - logs.max())
     weights /= weights.sum()
-    step = weights @ steps
-    off = steps - step
+    step, averaged = mixture_moments(weights, steps, covariances)
     covariance = fitted.covariance.copy()
-    covariance[:p, :p] += np.tensordot(weights, covariances, 1) + (weights[:, None] * off).T @ off - covariances[0]
+    covariance[:p, :p] += averaged - covariances[0]
     return replace(fitted, chain=fitted.chain.apply_step(clip_step(step - steps[0])), covariance=covariance)
 
 

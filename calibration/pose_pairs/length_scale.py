@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from calibration.knowledge import ARM_SHARE, FOCAL_SHARE, Knowledge
 from calibration.likelihood.distributions import f_quantile
+from calibration.linear_algebra import mixture_moments
 from calibration.observations.measured_poses import MeasuredViews, require_unit
 from calibration.pose_pairs.independent_noise import PoseFit, fit_independent_noise
 from calibration.pose_pairs.noise_marginalisation import marginalise_few
@@ -89,9 +90,7 @@ class LengthPrior:
             moving = REFOCUS_PROBABILITY * another * weights
             means, weights = np.concatenate([means, means * stay]), np.concatenate([weights - moving, moving])
             covariances = np.concatenate([covariances, covariances * np.outer(stay, stay)])
-        mean = weights @ means
-        apart = means - mean
-        return mean, np.tensordot(weights, covariances, 1) + (weights[:, None] * apart).T @ apart
+        return mixture_moments(weights, means, covariances)
 
 
 def require_units(pairs: PosePairs) -> None:

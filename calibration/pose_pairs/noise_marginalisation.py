@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from scipy.special import logsumexp, ndtri
 
-from calibration.linear_algebra import scaled_inverse_and_log_determinant
+from calibration.linear_algebra import mixture_moments, scaled_inverse_and_log_determinant
 from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.independent_noise import PoseFit
 from calibration.pose_pairs.noise_models import RANDOM_WALK, Sources, cameras_of, sources_of
@@ -68,10 +68,7 @@ class LevelNodes:
 
     def mean_step(self) -> tuple[Array, Array]:
         """The step (p,) and its covariance (p, p), averaged over the nodes."""
-        weights = self.weights()
-        step = weights @ self.steps
-        off = self.steps - step
-        return step, np.tensordot(weights, self.covariances, 1) + (weights[:, None] * off).T @ off
+        return mixture_moments(self.weights(), self.steps, self.covariances)
 
     def mean_levels(self) -> Array:
         """The mean level (g,) of each source."""

@@ -22,7 +22,7 @@ from calibration.linear_algebra import (
     unit_diagonal,
 )
 from calibration.observations.observations import Observations
-from calibration.observations.reprojection import INTRINSICS, pixel_rows, with_intrinsics
+from calibration.observations.reprojection import INTRINSICS, pixel_columns, with_intrinsics
 from calibration.observations.view_poses import apply_pose_steps
 from calibration.transforms import Array
 
@@ -210,7 +210,8 @@ class _System:
 def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_], k: int) -> _System:
     """The system of k points of the target; the last of them need not be seen."""
     n, m = seen.ids.shape
-    rows = pixel_rows(seen, camera, poses, free_intrinsics=bool(np.any(free)))  # (n, m, 2, 6 [+ 9] + 1), weighted
+    columns = pixel_columns(seen, camera, poses, free_intrinsics=bool(np.any(free)))
+    rows = np.ascontiguousarray(columns.transpose(0, 3, 2, 1))  # (n, m, 2, 6 [+ 9] + 1), weighted
     turned = poses[:, None, None, :3, :3]
     by_point = (rows[:, :, :, None, 3:6] @ turned)[:, :, :, 0]  # d pixel / d point of the target (n, m, 2, 3)
     residual = rows[..., -1]

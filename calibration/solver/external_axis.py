@@ -108,13 +108,6 @@ class AxisFit:
     readings: Array
     reported: Array
 
-    def widen(self, selection: Selection) -> Selection:
-        """The estimate, its covariance with what the unknown axis adds."""
-        step = selection.best.step
-        covariance = step.covariance.copy()
-        covariance[:12, :12] += self.widening
-        return replace(selection, best=replace(selection.best, step=replace(step, covariance=covariance)))
-
     def estimate(self, given: ExternalAxis, solution: Solution) -> ExternalAxisEstimate | None:
         """The axis beside the X of `solution`, whose covariance it takes over; None without X."""
         if solution.mount_T_camera is None or solution.uncertainty is None:

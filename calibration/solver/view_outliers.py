@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.distributions import f_quantile
 from calibration.likelihood.estimate import Estimate, average, estimate, exact_pixels
-from calibration.likelihood.leave_out import leave_one_out, squared_outside_distances, squared_view_distances
+from calibration.likelihood.leave_out import squared_outside_distances, squared_view_distances
 from calibration.likelihood.mixed_model import Variances
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
@@ -91,9 +91,7 @@ def _update_selection(prepared: PreparedSession, used: NDArray[np.bool_], best: 
             changed[np.flatnonzero(~used)[back]] = True
             return changed
     if np.count_nonzero(used) > min_remaining(n):
-        left_out = leave_one_out(best)
-        by_shared = best.chain.shared_jacobian(best.chain.camera_T_target())
-        distances = squared_view_distances(best, left_out, by_shared) / 6
+        distances = squared_view_distances(best) / 6
         if distances.max() > limit:
             changed[np.flatnonzero(used)[np.argmax(distances)]] = False
     return changed

@@ -11,7 +11,8 @@ from calibration.likelihood.chain import Chain
 from calibration.likelihood.leave_out import base_errors
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict
 from calibration.observations.observations import observe
-from calibration.observations.reprojection import pixel_residuals, pixel_rows, with_intrinsics
+from calibration.observations.pose_model import derivative_by_shared
+from calibration.observations.reprojection import pixel_columns, pixel_residuals, with_intrinsics
 from calibration.observations.view_poses import apply_pose_steps, refine_poses
 from calibration.problem import Setup
 from calibration.solve import METHODS, estimate_session, solve_hand_eye
@@ -159,8 +160,8 @@ def test_derivatives_are_those_of_the_residuals(setup: Setup) -> None:
     rng = np.random.default_rng(0)
     chain = Chain(setup, seen.base_T_flange, truth.mount_T_camera, truth.anchor_T_target, 0.05 * rng.random((4, 6)))
     poses = chain.camera_T_target()
-    rows = pixel_rows(seen, truth.camera, poses, free_intrinsics=True)
-    by_shared = rows[..., :6] @ chain.shared_jacobian(poses)[:, None]
+    rows = pixel_columns(seen, truth.camera, poses, free_intrinsics=True).transpose(0, 3, 2, 1)
+    by_shared = rows[..., :6] @ derivative_by_shared(poses)[:, None]
     by_correction = rows[..., :6] @ chain.correction_jacobian(poses)[:, None]
     tiny = 1e-6
 

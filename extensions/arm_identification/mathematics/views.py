@@ -16,6 +16,7 @@ from calibration.likelihood.mapped_points import point_rows
 from calibration.likelihood.mixed_model import linearise_model
 from calibration.likelihood.predicted_uncertainty import Scene, observe_whole_target
 from calibration.linear_algebra import inverse_or_pseudo_inverse
+from calibration.observations.pose_model import derivative_by_shared
 from calibration.transforms import Array, map_points
 
 UNKNOWN_POSE_SIGMA = np.repeat([0.5, 500.0], 3)
@@ -120,7 +121,7 @@ def _measurements(
     nuisances = scene.nuisances
     statistics = nuisances.statistics(observe_whole_target(scene, poses), seen, np.zeros(len(nuisances)))
     linear, levels = linearise_model(statistics, chain, seen), scene.noise.variances()
-    shared = np.linalg.solve(chain.correction_jacobian(seen), chain.shared_jacobian(seen))
+    shared = np.linalg.solve(chain.correction_jacobian(seen), derivative_by_shared(seen))
     by_pixels = inverse_or_pseudo_inverse(linear.UU)
     errors = 6 + 6 * places
     across, q = linear.UAy[:, :, 12:-1], len(nuisances)
