@@ -43,7 +43,7 @@ begin = clock()
 import daemon.cli.main, daemon.cli.solve
 from daemon.sessions.session_reader import load_problem, open_session
 from calibration.documents.calibration import calibration_document
-from calibration.documents.plan import NoiseExpectedDocument
+from calibration.documents.planning_settings import NoiseExpectedDocument
 from calibration.planning.what_if import PlanComparison
 from calibration.solve import solve_hand_eye
 from calibration.verdict import judge

@@ -114,11 +114,7 @@ def require_observable(base_T_flange: Array, *, offset_given: bool = False) -> N
             Sentence("add-poses"),
         )
     if motion.max_rotation_rad < MIN_TURN_RAD:
-        raise UndeterminedError(
-            "pure-translation",
-            Sentence("pure-translation"),
-            Sentence("turn-about-two-axes"),
-        )
+        raise UndeterminedError("pure-translation", Sentence("pure-translation"), Sentence("turn-about-two-axes"))
     if motion.max_rotation_rad < MIN_ROTATION_RAD:
         raise UndeterminedError(
             "too-little-rotation",

@@ -66,14 +66,7 @@ class Nuisances:
     effects: tuple[str, ...] = ()
 
     @classmethod
-    def of(
-        cls,
-        camera: CameraModel,
-        nominal_mm: Array,
-        knowledge: Knowledge,
-        *,
-        estimated: bool,
-    ) -> "Nuisances":
+    def of(cls, camera: CameraModel, nominal_mm: Array, knowledge: Knowledge, *, estimated: bool) -> "Nuisances":
         """Those of a session with a given camera, or with one that is estimated from its images.
 
         Tangential distortion is unknown where the description has radial distortion alone, or is nominal. Where it has

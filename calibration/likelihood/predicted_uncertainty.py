@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from calibration.camera import BROWN, CameraModel
+from calibration.closed_forms.observability import describe_axis, summarise_motion
 from calibration.knowledge import NOTHING_STATED, Knowledge
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.mapped_points import named_points_uncertainty, point_rows, working_volume_uncertainty
@@ -24,7 +25,7 @@ from calibration.linear_algebra import covariance_or_inf
 from calibration.observations.observations import Observations
 from calibration.observations.pose_model import predicted_camera_T_target
 from calibration.problem import Setup, anchor_T_mount_of
-from calibration.solution import NamedPoint, Uncertainty
+from calibration.solution import NamedPoint, Observability, Uncertainty
 from calibration.targets import Target
 from calibration.transforms import Array, map_points
 
@@ -117,6 +118,16 @@ def uncertainty_of(covariance: Array, mount_T_camera: Array, points_mm: Array) -
         covariance=covariance,
         points=working_volume_uncertainty(covariance, points_mm),
     )
+
+
+def observability_of(setup: Setup, base_T_flange: Array, mount_T_camera: Array, covariance: Array) -> Observability:
+    """How well the robot's poses (n, 4, 4) determine X, and where it is weakest by its covariance (6, 6)."""
+    motion = summarise_motion(base_T_flange)
+    direction = mount_T_camera[:3, :3] @ np.linalg.eigh(covariance[3:, 3:])[1][:, -1]
+    if setup == "eye-to-hand":
+        direction = anchor_T_mount_of(setup, base_T_flange[0])[:3, :3] @ direction
+    words = describe_axis(direction, base_T_flange)
+    return Observability(len(base_T_flange), motion.max_rotation_rad, motion.axis_spread, f"translation along {words}")
 
 
 def view_information(scene: Scene, base_T_flange: Array) -> Array:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.closed_forms.observability import describe_axis, require_observable, summarise_motion
+from calibration.closed_forms.observability import require_observable, summarise_motion
 from calibration.errors import UndeterminedError
-from calibration.likelihood.predicted_uncertainty import uncertainty_of
+from calibration.likelihood.predicted_uncertainty import observability_of, uncertainty_of
 from calibration.linear_algebra import covariance_of
 from calibration.observations.measured_poses import MeasuredViews, measured_views, unusable_views
 from calibration.observations.observations import UnusableReason
@@ -19,7 +19,7 @@ from calibration.pose_pairs.noise_priors import LEVEL_PRIORS
 from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs, linearise
 from calibration.pose_pairs.session_findings import session_findings
 from calibration.pose_pairs.solve import fit_pose_pairs
-from calibration.problem import Problem, anchor_T_mount_of
+from calibration.problem import Problem
 from calibration.solution import Finding, HoldOutDocument, Noise, Observability, Solution, ViewResult
 from calibration.transforms import Array, map_points, skew
 
@@ -129,7 +129,7 @@ def _solution(problem: Problem, seen: MeasuredViews, refused: dict[int, Unusable
         ),
         noise=Noise(None, float(np.sqrt(levels["robot rotation"])), float(np.sqrt(levels["robot translation"]))),
         views=_views(problem, seen, refused, fit),
-        observability=_observability(problem, seen.base_T_flange[fit.used], chain.mount_T_camera, covariance),
+        observability=observability_of(problem.setup, seen.base_T_flange[fit.used], chain.mount_T_camera, covariance),
         hold_out=_hold_out(fit),
         findings=session_findings(problem, seen, refused, fit.used, fit.fitted),
     )
@@ -159,15 +159,6 @@ def unused_view(problem: Problem, position: int, reason: str) -> ViewResult:
     """A view that is not part of the solution."""
     view = problem.views[position]
     return ViewResult(view.index, view.image, "rejected", reason)
-
-
-def _observability(problem: Problem, base_T_flange: Array, mount_T_camera: Array, covariance: Array) -> Observability:
-    motion = summarise_motion(base_T_flange)
-    direction = mount_T_camera[:3, :3] @ np.linalg.eigh(covariance[3:, 3:])[1][:, -1]
-    if problem.setup == "eye-to-hand":
-        direction = anchor_T_mount_of(problem.setup, base_T_flange[0])[:3, :3] @ direction
-    words = describe_axis(direction, base_T_flange)
-    return Observability(len(base_T_flange), motion.max_rotation_rad, motion.axis_spread, f"translation along {words}")
 
 
 def measured_without_x(problem: Problem, why: UndeterminedError) -> MeasuredSolution:

@@ -52,17 +52,12 @@ def _images(problem: Problem, prepared: PreparedSession) -> Iterator[Finding]:
         severity: Severity = "warning" if code in repeated else "info"
         yield Finding(code, severity, Sentence("views-not-used", views=indices, why=what), fix)
     if left_out := int(np.count_nonzero((prepared.seen.weights == 0) & (prepared.seen.present > 0))):
-        yield Finding(
-            "corners-left-out", "info", Sentence("corners-left-out", corners=left_out), Sentence("nothing-unless-many")
-        )  # fmt: skip
+        message = Sentence("corners-left-out", corners=left_out)
+        yield Finding("corners-left-out", "info", message, Sentence("nothing-unless-many"))
     if np.any(prepared.board_turned):
         indices = [problem.views[position].index for position in prepared.seen.positions[prepared.board_turned]]
-        yield Finding(
-            "board-turned",
-            "warning",
-            Sentence("board-turned", views=indices),
-            Sentence("use-oriented-target"),
-        )
+        message = Sentence("board-turned", views=indices)
+        yield Finding("board-turned", "warning", message, Sentence("use-oriented-target"))
 
 
 def _target(prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:
@@ -144,13 +139,9 @@ def _statements(problem: Problem, selection: Selection) -> Iterator[Finding]:
 def _trend(selection: Selection) -> Iterator[Finding]:
     best = selection.best
     if best.model.trend_terms:
-        follows = np.sqrt(best.trend_variances())
-        yield Finding(
-            "robot-trend",
-            "info",
-            Sentence("robot-trend", translation_mm=follows[1], rotation_deg=np.degrees(follows[0])),
-            Sentence("stay-near-work"),
-        )
+        rotation_rad, translation_mm = np.sqrt(best.trend_variances())
+        message = Sentence("robot-trend", translation_mm=translation_mm, rotation_deg=np.degrees(rotation_rad))
+        yield Finding("robot-trend", "info", message, Sentence("stay-near-work"))
 
 
 def _axis_offset(problem: Problem, prepared: PreparedSession) -> Iterator[Finding]:
@@ -194,25 +185,15 @@ def _estimate(prepared: PreparedSession, start: InitialGuess, selection: Selecti
             Sentence("add-larger-turns"),
         )
     if not selection.best.converged:
-        yield Finding(
-            "not-converged",
-            "error",
-            Sentence("not-converged"),
-            Sentence("look-for-odd-view"),
-        )
+        yield Finding("not-converged", "error", Sentence("not-converged"), Sentence("look-for-odd-view"))
     if np.count_nonzero(selection.used) <= MAX_PRIOR_VIEWS:
-        translation_mm, rotation_deg = PRIOR_NOISE.translation_mm, np.degrees(PRIOR_NOISE.rotation_rad)
-        yield Finding(
+        message = Sentence(
             "noise-assumed",
-            "info",
-            Sentence(
-                "noise-assumed",
-                views=np.count_nonzero(selection.used),
-                translation_mm=translation_mm,
-                rotation_deg=rotation_deg,
-            ),
-            Sentence("take-eight-views"),
+            views=np.count_nonzero(selection.used),
+            translation_mm=PRIOR_NOISE.translation_mm,
+            rotation_deg=np.degrees(PRIOR_NOISE.rotation_rad),
         )
+        yield Finding("noise-assumed", "info", message, Sentence("take-eight-views"))
 
 
 def method_findings(method: str, rows: PreparedSession) -> tuple[Finding, ...]:
@@ -220,15 +201,6 @@ def method_findings(method: str, rows: PreparedSession) -> tuple[Finding, ...]:
     if method != THREE_POSE:
         return ()
     three_pose = solve_three_pose(rows.anchor_T_mount, rows.camera_T_target)
-    return (
-        Finding(
-            "three-pose",
-            "info",
-            Sentence(
-                "three-pose",
-                distance=three_pose.distance_from_rotation,
-                angle_deg=np.degrees(three_pose.axis_angle_rad),
-            ),
-            Sentence("use-auto"),
-        ),
-    )
+    angle_deg = np.degrees(three_pose.axis_angle_rad)
+    message = Sentence("three-pose", distance=three_pose.distance_from_rotation, angle_deg=angle_deg)
+    return (Finding("three-pose", "info", message, Sentence("use-auto")),)

@@ -32,11 +32,7 @@ SAME_OPTIMUM_SIGMA = 3.0
 MIN_LOG_LIKELIHOOD_LEAD = 4.6
 """Lead in log-likelihood from which the better of two optima is certain: a hundred times as likely."""
 
-NO_START = (
-    "contradictory-input",
-    Sentence("no-start"),
-    Sentence("check-pose-convention"),
-)
+NO_START = ("contradictory-input", Sentence("no-start"), Sentence("check-pose-convention"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.closed_forms.observability import describe_axis, summarise_motion
+from calibration.closed_forms.observability import summarise_motion
 from calibration.errors import UndeterminedError
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.leave_out import base_errors, hold_out, leave_groups_out
 from calibration.likelihood.nuisances import CENTRE, FOCAL
-from calibration.likelihood.predicted_uncertainty import point_weights, uncertainty_of, working_points_mm
+from calibration.likelihood.predicted_uncertainty import (
+    observability_of,
+    point_weights,
+    uncertainty_of,
+    working_points_mm,
+)
 from calibration.linear_algebra import covariance_of
 from calibration.observations.observations import Observations, UnusableReason, observe
 from calibration.observations.reprojection import pixel_residuals
@@ -66,7 +71,7 @@ def build_solution(
         uncertainty=replace(uncertainty_of(covariance, best.chain.mount_T_camera, points_mm), arm_scale=best.arm_scale),
         noise=_noise(best),
         views=_views(problem, prepared, selection, agreeing, own_poses),
-        observability=_observability(problem, rows, best, covariance),
+        observability=observability_of(problem.setup, rows.seen.base_T_flange, best.chain.mount_T_camera, covariance),
         hold_out=hold_out(rows.seen, best, own_poses) if closed_form is None else closed_form.hold_out,
         findings=findings,
         leave_out=left_out,
@@ -107,18 +112,6 @@ def _noise(best: Estimate) -> Noise:
     levels = best.variances
     image_px, rotation_rad, translation_mm = np.sqrt([levels.pixel, levels.rotation, levels.translation]).tolist()
     return Noise(image_px, rotation_rad, translation_mm, best.belief)
-
-
-def _observability(problem: Problem, rows: PreparedSession, best: Estimate, covariance: Array) -> Observability:
-    motion = summarise_motion(rows.seen.base_T_flange)
-    weakest = np.linalg.eigh(covariance[3:, 3:])[1][:, -1]
-    direction = best.chain.mount_T_camera[:3, :3] @ weakest
-    words = (
-        describe_axis(direction, rows.seen.base_T_flange)
-        if problem.setup == "eye-in-hand"
-        else describe_axis(np.linalg.inv(rows.seen.base_T_flange[0, :3, :3]) @ direction, rows.seen.base_T_flange)
-    )
-    return Observability(len(rows.seen), motion.max_rotation_rad, motion.axis_spread, f"translation along {words}")
 
 
 def _views(

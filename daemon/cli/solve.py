@@ -205,7 +205,7 @@ def solve_session(
     """The calibration and what it is of; None of pairs of points. Raises CommandError, DocumentError."""
     from dataclasses import replace
 
-    from calibration.documents.plan import NoiseExpectedDocument
+    from calibration.documents.planning_settings import NoiseExpectedDocument
     from calibration.likelihood.mapped_points import at_points
     from calibration.planning.what_if import PlanComparison
     from calibration.solve import poses_at_zero, solve_hand_eye

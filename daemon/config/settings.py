@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.documents.knowledge import KnowledgeDocument
-from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
+from calibration.documents.planning_settings import LimitsDocument, NoiseExpectedDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import PointsDocument, Tolerance, VerdictSettings
 from calibration.documents.session import CameraDocument

@@ -10,7 +10,7 @@ from calibration.diagnosis.plausibility import leave_out_settled
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, calibration_document
 from calibration.documents.calibration_in_use import CalibrationInUse
-from calibration.documents.plan import NoiseExpectedDocument
+from calibration.documents.planning_settings import NoiseExpectedDocument
 from calibration.errors import DocumentError
 from calibration.kinematics.arm import Arm
 from calibration.likelihood.mapped_points import at_points

@@ -3,7 +3,7 @@
 import numpy as np
 
 from calibration.documents.knowledge import KnowledgeDocument
-from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
+from calibration.documents.planning_settings import LimitsDocument, NoiseExpectedDocument
 from calibration.likelihood.predicted_uncertainty import Scene
 from calibration.planning.plan import PlanningError, plan_poses
 from calibration.planning.scene_belief import default_camera
