@@ -58,8 +58,6 @@ from extensions.installed import INSTALLED
 if TYPE_CHECKING:
     from daemon.plc.service import PlcService
 
-log = logging.getLogger(__name__)
-
 OpenDevices = Callable[[Settings, Clock], Devices]
 
 

@@ -31,7 +31,6 @@ from protocols.plc.events import (
     AbortRun,
     CellStatus,
     CommandEnded,
-    Effect,
     HandshakeEvent,
     RegistersWritten,
     StartAccepted,
@@ -131,22 +130,17 @@ class PlcGateway:
             raise NotFound(f"there is no camera {number}", f"the settings have {len(self.cameras.cameras) - 1} further")
         return self.cameras.cameras[number]
 
-    def bank(self, client: str, may_write: bool) -> PlcBank:
-        return PlcBank(lambda: self._image_for(client), partial(self._write, client), may_write)
+    def bank(self, client: str, may_write: bool, *, repeated: bool = False) -> PlcBank:
+        """`repeated`: for older requests that come again after newer ones: of what they write only abort counts."""
 
-    def image(self) -> Words:
-        return self._image
+        def image() -> Words:
+            """The register values with the control register as `client` left it: it holds abort by itself, or not."""
+            if not self._state.abort_writers:
+                return self._image
+            own = self._state.written_by(client)
+            return (*own, *self._image[len(own) :])
 
-    def bank_for_repetitions(self, client: str, may_write: bool) -> PlcBank:
-        """As `bank`, for older requests that come again after newer ones: of what they write only abort counts."""
-        return PlcBank(lambda: self._image_for(client), partial(self._write_again, client), may_write)
-
-    def _image_for(self, client: str) -> Words:
-        """The register values with the control register as `client` left it: it holds abort by itself, or not."""
-        if not self._state.abort_writers:
-            return self._image
-        own = self._state.written_by(client)
-        return (*own, *self._image[len(own) :])
+        return PlcBank(image, partial(self._write_again if repeated else self._write, client), may_write)
 
     def start(self) -> None:
         self._run(self._send_beats(), "PLC heartbeat")
@@ -183,14 +177,11 @@ class PlcGateway:
             if state != self._state:
                 self._state, self._image = state, register_image(state)
         for effect in reaction.effects:
-            self._do(effect)
-
-    def _do(self, effect: Effect) -> None:
-        match effect:
-            case StartCommand():
-                self._run(self._carry_out(effect), f"PLC {effect.command.name.lower()}")
-            case AbortRun(why):
-                self._run(self._abort(self._by if why == "the PLC" else why), "PLC abort")
+            match effect:
+                case StartCommand():
+                    self._run(self._carry_out(effect), f"PLC {effect.command.name.lower()}")
+                case AbortRun(why):
+                    self._run(self._abort(self._by if why == "the PLC" else why), "PLC abort")
 
     def _run(self, work: Coroutine[Any, Any, None], name: str) -> None:
         task = asyncio.create_task(work, name=name)

@@ -35,7 +35,7 @@ class PlcService:
 
         def respond_to(client: str) -> Respond:
             may_write = settings.may_write(client)
-            bank, again = gateway.bank(client, may_write), gateway.bank_for_repetitions(client, may_write)
+            bank, again = gateway.bank(client, may_write), gateway.bank(client, may_write, repeated=True)
             return lambda pdu, repeated: respond(pdu, again if repeated else bank, IDENTIFICATION)
 
         limits = ModbusTcpLimits(settings.connections, settings.idle_limit_s, has_priority=settings.may_write)

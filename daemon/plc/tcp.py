@@ -50,8 +50,7 @@ class ModbusTcp:
     @property
     def port(self) -> int:
         """The port that it listens on, also when port 0 was asked for."""
-        port: int = self._listener.getsockname()[1]
-        return port
+        return int(self._listener.getsockname()[1])
 
     @property
     def connections(self) -> int:

@@ -72,7 +72,7 @@ async def test_mbpoll_over_rtu(tmp_path: Path) -> None:
         out = await output_of(*base, "-t", "3:float", "-B", "-r", "24", theirs)
         assert "123.456" in out
         await output_of(*base, "-t", "4", "-r", "2", theirs, "8")
-        assert value_of(list(plc_of(bench).gateway.image()), "stations_wanted") == 8
+        assert value_of(list(plc_of(bench).gateway._image), "stations_wanted") == 8
 
 
 async def test_a_line_that_is_not_there_keeps_nobody_from_working(
