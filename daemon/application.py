@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Coroutine, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,7 @@ from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings, SettingsFile
 from daemon.drift.cell_cameras import CellCamera, CellCameras
-from daemon.errors import StorageError
+from daemon.errors import NotInstalled, StorageError
 from daemon.operations import Operations
 from daemon.runs.supervisor import MAX_STEP_S, Supervisor
 from daemon.runtime.clock import Clock
@@ -75,6 +75,14 @@ class MetricSource(Protocol):
         ...
 
 
+class SectionService(BackgroundService, MetricSource, Protocol):
+    """A background service with metrics, of a section of the settings that may be reloaded."""
+
+    async def change(self, settings: Any, /) -> None:
+        """Serve by this section from now on. Raises DaemonError; then what was before goes on."""
+        ...
+
+
 @dataclass(eq=False)
 class Application:
     """All parts of the daemon, built by `composition`.
@@ -112,6 +120,7 @@ class Application:
     warning_sources: tuple[WarningSource, ...] = ()
     reload: Callable[[], Coroutine[Any, Any, None]] | None = None
     metric_sources: tuple[MetricSource, ...] = ()
+    sections: Mapping[str, SectionService] = field(default_factory=dict)
     setup_file: Path | None = None
     begins_anew: bool = False
     end: Callable[[], None] = lambda: None
@@ -126,6 +135,12 @@ class Application:
     def service(self, kind: type[Service]) -> Service:
         """The background service of that class; there is one."""
         return next(service for service in self.services if isinstance(service, kind))
+
+    def section(self, name: str) -> SectionService:
+        """What serves that section of the settings. Raises NotInstalled."""
+        if name not in self.sections:
+            raise NotInstalled(f"this daemon has no extension for [{name}]", f"take [{name}] out of the settings")
+        return self.sections[name]
 
     async def start(self) -> None:
         """End runs that the previous process left unfinished, start services and watchdog. Commands no motion."""

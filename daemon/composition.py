@@ -5,11 +5,10 @@ import logging
 import os
 import random
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import uvloop
 
@@ -23,14 +22,12 @@ from daemon.cell.devices import open_devices, open_exposure_control
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.readings import CellReadings
 from daemon.cell.recent_reading import RecentReading
-from daemon.config.plc_settings import PlcSettings
-from daemon.config.settings import MAIN_CAMERA, Settings, SettingsFile
+from daemon.config.settings import MAIN_CAMERA, OF_SERVICES, Settings, SettingsFile
 from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
 from daemon.http.listen_socket import LateAddresses
 from daemon.operations import Operations, no_further_sensors
-from daemon.plc.switch import PlcSwitch
 from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock, time_ordered_id
 from daemon.runtime.event_bus import EventBus
@@ -55,9 +52,6 @@ from daemon.store.store import Store
 from daemon.webhooks.dispatcher import WebhookDispatcher
 from extensions.installed import INSTALLED
 
-if TYPE_CHECKING:
-    from daemon.plc.service import PlcService
-
 OpenDevices = Callable[[Settings, Clock], Devices]
 
 
@@ -73,7 +67,7 @@ def build(
     settings_file: SettingsFile | None = None,
     extensions: Extensions = INSTALLED,
 ) -> Application:
-    """Build the application inside a running event loop. Raises StorageError, DeviceError, DocumentError."""
+    """Build the application inside a running event loop. Raises DaemonError, DeviceError, DocumentError."""
     clock, systemd = clock or Clock(), systemd or Systemd.of(os.environ, os.getpid())
     store = store or Store(Path(settings.storage.folder), at=at)
     events, metrics = EventBus(store.stored_events), Metrics()
@@ -139,8 +133,7 @@ def build(
     key_watch = KeyWatch(store.access_keys, store.browser_sessions, clock)
     every_s = 3600 * settings.drift.every_h
     schedules = [DriftSchedule(camera.operations, clock, every_s) for camera in cameras.cameras]
-    plc = PlcSwitch(settings.plc, _plc(cameras, clock))
-    late = LateAddresses(lambda: _listens_at(application.settings))
+    late = LateAddresses(lambda: application.settings.listens_at)
     warning_sources: tuple[WarningSource, ...] = (
         cell.safe_stop, monitor, webhooks, retention, update_hold, late, key_expiry, ends, *drifts, *schedules
     )  # fmt: skip
@@ -190,37 +183,23 @@ def build(
             retention,
             *drifts,
             *schedules,
-            plc,
         ),
         warning_sources=warning_sources,
-        metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, key_expiry, ends, *drifts, plc),
+        metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, key_expiry, ends, *drifts),
     )
-    application.services += tuple(make(application) for extension in extensions for make in extension.services)
+    switched = {name: make(application) for extension in extensions for name, make in extension.sections.items()}
+    application.sections = {"webhooks": webhooks, **switched}
+    for name in OF_SERVICES:
+        if getattr(settings, name):
+            application.section(name)
+    added = (make(application) for extension in extensions for make in extension.services)
+    application.services += (*switched.values(), *added)
+    application.metric_sources += (*switched.values(),)
     if settings_file is not None:
-        reload = SettingsReload(settings_file, application, plc, webhooks)
+        reload = SettingsReload(settings_file, application)
         application.reload = reload.reload
         application.warning_sources = (*warning_sources, reload)
     return application
-
-
-def _listens_at(settings: Settings) -> Iterable[tuple[str, str]]:
-    """Sections of the settings and the addresses at which the daemon listens by them."""
-    yield "server", settings.server.host
-    if settings.plc is not None:
-        yield "plc", settings.plc.host
-    if settings.robot.egm is not None:
-        yield "robot.egm", settings.robot.egm.host
-
-
-def _plc(cameras: CellCameras, clock: Clock) -> Callable[[PlcSettings], "PlcService"]:
-    """Makes the PLC's interface. Where the settings name no PLC nobody calls it: pymodbus is then not loaded."""
-
-    def make(settings: PlcSettings) -> "PlcService":
-        from daemon.plc.service import PlcService
-
-        return PlcService.of(settings, cameras, clock)
-
-    return make
 
 
 def serve(
@@ -235,7 +214,7 @@ def serve(
     `settings_file`: what the settings were loaded from, for GET /about. `setup_file`: what the first set-up writes;
     then True is returned.
 
-    Raises StorageError, DeviceError, PortTaken.
+    Raises StorageError, DeviceError, NotInstalled, PortTaken.
     """
     log_to_stdout(logging.getLevelNamesMapping()[settings.server.log_level.upper()])
     faulthandler.enable(sys.__stderr__ or sys.stderr)  # a fatal signal leaves its stack; so does the watchdog's SIGABRT

@@ -99,7 +99,7 @@ class ArmUnknown(DaemonError, code="arm-unknown"):
 
 
 class NotInstalled(DaemonError, code="not-installed"):
-    """What a request asks for is of an extension that this daemon does not have."""
+    """What a request or the settings ask for is of an extension that this daemon does not have."""
 
 
 class ToleranceLoosened(DaemonError, code="tolerance-loosened"):

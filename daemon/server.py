@@ -31,15 +31,13 @@ from daemon.api.app import create_api, routes
 from daemon.api.extension import Extensions
 from daemon.application import Application
 from daemon.cell.devices import open_exposure_control
-from daemon.config.settings import Settings, SettingsFile, load_settings_file
+from daemon.config.settings import OF_SERVICES, Settings, SettingsFile, load_settings_file
 from daemon.errors import DaemonError
 from daemon.http.connection_limiter import ConnectionLimiter
 from daemon.http.connections import limited_connection
 from daemon.http.listen_socket import open_listener
 from daemon.http.listener import HttpListener, PendingConnection
-from daemon.plc.switch import PlcSwitch
 from daemon.runtime.durable_files import write_durably
-from daemon.webhooks.dispatcher import WebhookDispatcher
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +61,7 @@ SWITCH_S = 0.0005
 Announce = Callable[[str], None]
 """Called with the URL once requests are answered."""
 
-APPLIED = ("calibration", "part", "report", "webhooks", "plc", "server.log_level", "camera.exposure")
+APPLIED = ("calibration", "part", "report", "server.log_level", "camera.exposure", *OF_SERVICES)
 """Sections and keys that are taken over while the daemon runs."""
 
 RELOAD_POLL_S = 0.5
@@ -102,8 +100,6 @@ class SettingsReload:
 
     loaded: SettingsFile
     application: Application
-    plc: PlcSwitch
-    webhooks: WebhookDispatcher
     waits_for_restart: tuple[str, ...] = field(default=(), init=False)
 
     def warnings(self) -> list[str]:
@@ -129,15 +125,11 @@ class SettingsReload:
         app = self.application
         names = changes(app.settings, after)
         done = [name for name in names if name in APPLIED]
-        for name, change in (("webhooks", self.webhooks.change), ("plc", self.plc.change)):
-            why = "a PLC holds abort" if name == "plc" and app.supervisor.abort_is_held else ""
+        for name in [name for name in names if name in OF_SERVICES]:
             try:
-                if name in done and not why:
-                    await change(getattr(after, name))
+                await app.section(name).change(getattr(after, name))
             except DaemonError as error:
-                why = str(error)
-            if name in done and why:
-                log.error("[%s] is as before: %s", name, why)
+                log.error("[%s] is as before: %s", name, error)
                 done.remove(name)
         while app.supervisor.in_progress is not None and {"calibration", "part", "report", "camera.exposure"} & {*done}:
             await app.clock.sleep(RELOAD_POLL_S)

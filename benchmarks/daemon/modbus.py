@@ -8,7 +8,7 @@ import sys
 
 import uvloop
 
-from tests.daemon.plc.modbus_fuzz import fuzz
+from tests.extensions.plc.modbus_fuzz import fuzz
 
 
 def main() -> int:

@@ -7,7 +7,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel
 
 from daemon.api.schemas.drift import DriftTouchDocument
-from daemon.application import Application, BackgroundService
+from daemon.application import Application, BackgroundService, SectionService
 from daemon.operations import FurtherSensors, Operations
 from daemon.runs.calibration_run import LoadIdentification
 
@@ -37,6 +37,7 @@ class Extension:
     rebuilders : of answers, by the noun of the audit log.
     checks : of a calibration, which its drift chart lists.
     identification : of an arm's errors, for the calibrations that ask for them; one extension has it.
+    sections : services of sections of the settings (`OF_SERVICES`) by name, started before `services`.
     services : started and stopped with the daemon; a route finds its own by `Application.service`.
     sensors : further ones of a camera's mount, of which one extension knows.
     """
@@ -47,6 +48,7 @@ class Extension:
     rebuilders: Mapping[str, Rebuild] = field(default_factory=dict)
     checks: Checks | None = None
     identification: LoadIdentification | None = None
+    sections: Mapping[str, Callable[[Application], SectionService]] = field(default_factory=dict)
     services: tuple[MakeService, ...] = ()
     sensors: Callable[[Operations], FurtherSensors] | None = None
 

@@ -138,7 +138,7 @@ def check_port(settings: PlcSettings) -> CheckResult:
         open_listener(settings.host, settings.port, "plc").close()
     except PortTaken as error:
         return CheckResult("plc", False, error.what, error.fix)
-    if late := LateAddresses(lambda: [("plc", settings.host)]).warnings():
+    if late := LateAddresses(lambda: {"plc": settings.host}).warnings():
         return CheckResult("plc", False, late[0])
     here = f"Modbus TCP can listen on {settings.host} port {settings.port}"
     if settings.motion and not settings.writers and settings.serial is None:

@@ -347,6 +347,16 @@ class Settings(Document):
         """Of all cameras, the one of [camera] first."""
         return (MAIN_CAMERA, *self.cameras)
 
+    @property
+    def listens_at(self) -> dict[str, str]:
+        """Addresses at which the daemon listens, by the section that names them."""
+        hosts = {"server": self.server.host}
+        if self.plc is not None:
+            hosts["plc"] = self.plc.host
+        if self.robot.egm is not None:
+            hosts["robot.egm"] = self.robot.egm.host
+        return hosts
+
     def named_scanners(self) -> dict[str, NamedScannerSettings]:
         """All scanners by name, the one of [scanner] first."""
         main = {} if self.scanner is None else {MAIN_SCANNER: NamedScannerSettings(**dict(self.scanner))}
@@ -403,6 +413,9 @@ class Settings(Document):
             raise ValueError("[scanner] poses are for a scanner on the flange, but [camera] setup is eye-to-hand")
         return self
 
+
+OF_SERVICES = ("webhooks", "plc")
+"""Sections of which each has a service of its own, perhaps an extension's, that takes a changed one over."""
 
 FRAGMENTS = "conf.d"
 """Folder beside the settings file: its *.toml in the order of their names, each over what was read before."""

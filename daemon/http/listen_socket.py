@@ -2,7 +2,7 @@
 
 import errno
 import socket
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from calibration.sentences.sentence import Sentence
@@ -49,12 +49,11 @@ def open_listener(host: str, port: int, table: str = "server") -> socket.socket:
 
 @dataclass(frozen=True)
 class LateAddresses:
-    """Warns of addresses to listen at that this machine does not have: pairs of a settings section and its host."""
+    """Warns of addresses to listen at that this machine does not have: hosts by their sections of the settings."""
 
-    places: Callable[[], Iterable[tuple[str, str]]]
+    hosts: Callable[[], Mapping[str, str]]
 
     def warnings(self) -> list[str]:
         """One for each address that is not here now."""
-        return [
-            Sentence("address-not-here", table=table, host=host) for table, host in self.places() if not is_here(host)
-        ]
+        hosts = self.hosts().items()
+        return [Sentence("address-not-here", table=table, host=host) for table, host in hosts if not is_here(host)]

@@ -1,11 +1,8 @@
 """A changed settings file is taken over while the daemon runs, as far as it can be; the rest is named."""
 
 import asyncio
-import json
 import logging
-import socket
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,65 +10,15 @@ import pytest
 
 from daemon.cell.exposure_control import ExposureLimits
 from daemon.config.settings import ExposureSettings, Settings, load_settings_file
-from daemon.plc.switch import PlcSwitch
 from daemon.server import changes, taken_over
-from tests.daemon.cell_under_test import Bench, serving, settings_for
-
-SETTINGS = """
-[robot]
-address = "tcp://robot:11111"
-box_mm = [[-2000, -2000, -500], [2000, 2000, 2500]]
-{robot}
-[camera]
-address = "http://camera/frame.png"
-[target]
-kind = "chessboard"
-columns = 11
-rows = 8
-pitch_mm = 20.0
-[calibration]
-tolerance_mm = {tolerance}
-[server]
-port = 0
-log_level = "{level}"
-[storage]
-folder = "store"
-reserve_mb = 0
-{more}
-"""
-
-
-def write(file: Path, tolerance: float = 1.0, level: str = "info", robot: str = "", more: str = "") -> None:
-    file.write_text(SETTINGS.format(tolerance=tolerance, level=level, robot=robot, more=more))
+from tests.daemon.cell_under_test import Bench, settings_for
+from tests.daemon.settings_file import reload, serving_file, write
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     write(tmp_path / "handeyed.toml")
     return tmp_path / "handeyed.toml"
-
-
-@pytest.fixture(autouse=True)
-def root_level() -> Any:
-    """The level of the root logger is the process's: it is put back."""
-    before = logging.getLogger().level
-    yield
-    logging.getLogger().setLevel(before)
-
-
-@asynccontextmanager
-async def serving_file(file: Path) -> AsyncIterator[Bench]:
-    settings, loaded = load_settings_file(file)
-    async with serving(settings, settings_file=loaded) as bench:
-        yield bench
-
-
-async def reload(bench: Bench) -> list[str]:
-    """Reload; returns the warnings of /ready."""
-    assert bench.application.reload is not None
-    await bench.application.reload()
-    warnings: list[str] = (await bench.client.get("/ready")).json()["warnings"]
-    return warnings
 
 
 async def shown(bench: Bench) -> Any:
@@ -143,56 +90,6 @@ async def test_a_file_that_cannot_be_read_changes_nothing(file: Path, caplog: py
         assert await reload(bench) == []
         assert "robot.speed_mms: unknown key: did you mean 'speed_mm_s'?" in caplog.text
         assert (await shown(bench))["robot"]["speed_mm_s"] == 100.0
-
-
-def plc(**values: Any) -> str:
-    """[plc] at any port."""
-    return "\n".join(["[plc]", "port = 0", *(f"{name} = {json.dumps(value)}" for name, value in values.items()), ""])
-
-
-def switch_of(bench: Bench) -> PlcSwitch:
-    return next(one for one in bench.application.services if isinstance(one, PlcSwitch))
-
-
-async def answers_modbus(bench: Bench) -> bool:
-    port = switch_of(bench).service.tcp.port
-    _, writer = await asyncio.open_connection("127.0.0.1", port)
-    writer.close()
-    await writer.wait_closed()
-    return True
-
-
-async def test_the_plc_s_interface_is_switched_on_over_and_off(file: Path) -> None:
-    async with serving_file(file) as bench:
-        for connections in (1, 2):
-            write(file, more=plc(connections=connections))
-            assert await reload(bench) == []
-            assert switch_of(bench).service.tcp.limits.connections == connections
-            assert await answers_modbus(bench)
-        write(file)
-        assert await reload(bench) == []
-        with pytest.raises(LookupError):
-            assert switch_of(bench).service
-
-
-async def test_a_port_that_is_taken_leaves_the_plc_s_interface_as_it_was(file: Path) -> None:
-    write(file, more=plc(connections=1))
-    async with serving_file(file) as bench:
-        with socket.create_server(("127.0.0.1", 0)) as taken:
-            write(file, more=plc(connections=2).replace("port = 0", f"port = {taken.getsockname()[1]}"))
-            assert await reload(bench) == ["settings were changed that need a restart: plc"]
-        assert switch_of(bench).service.tcp.limits.connections == 1
-        assert await answers_modbus(bench)
-
-
-async def test_a_plc_that_holds_abort_keeps_its_interface(file: Path, caplog: pytest.LogCaptureFixture) -> None:
-    write(file, more=plc(connections=1))
-    async with serving_file(file) as bench:
-        bench.application.supervisor.hold_abort(["the PLC at 127.0.0.1"])
-        write(file)
-        assert "settings were changed that need a restart: plc" in await reload(bench)
-        assert "a PLC holds abort" in caplog.text
-        assert await answers_modbus(bench)
 
 
 async def test_webhooks_are_taken_over_or_as_before_when_a_secret_cannot_be_read(file: Path) -> None:

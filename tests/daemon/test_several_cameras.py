@@ -12,13 +12,10 @@ from calibration.errors import DocumentError
 from calibration.transforms import difference
 from daemon.drift.schedule import DriftSchedule
 from drivers.errors import DeviceUnreachable
-from protocols.plc.codes import ControlBit, StatusBit
-from protocols.plc.registers import BY_NAME
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.clouds import PLY, POSE, cloud
 from tests.daemon.fakes import FLANGE_T_CAMERA, FakeCamera, ply_of
 from tests.daemon.named_cameras import WRIST, calibrate, two_cameras, wrist
-from tests.daemon.plcs import MOVING, ladder
 from tests.support.waiting import LIMIT_S
 
 OF_A_STAND = {"base_T_camera_guess": pose_json(np.eye(4))}
@@ -143,19 +140,6 @@ async def test_what_an_extension_solves_and_places_is_refused_without_it(tmp_pat
             assert ready["reasons"] == [refused.json()["detail"]]
         assert "no extension is installed" in ready["reasons"][0]
         assert (await ask.get("/runs")).json()["runs"] == []
-
-
-async def test_a_plc_names_the_camera_by_its_number(tmp_path: Path) -> None:
-    async with two_cameras(tmp_path, plc=MOVING) as bench, ladder(bench) as plc:
-        camera = BY_NAME["camera_wanted"].address
-        await plc.sets(ControlBit(0))
-        await plc.waits(StatusBit.READY)
-        await plc.client.write_register(camera, 1)
-        await plc.triggers(ControlBit.TRIGGER_CALIBRATE)
-        await plc.result()
-        assert (await bench.client.get("/calibrations/current?camera=wrist")).status_code == 200
-        await plc.client.write_register(camera, 2)
-        assert await plc.triggers(ControlBit.TRIGGER_CALIBRATE) & StatusBit.ERROR
 
 
 @pytest.mark.parametrize(("changes", "says"), [

@@ -54,7 +54,7 @@ def test_every_extension_has_a_name_of_its_own_and_something_to_add() -> None:
     names = [extension.name for extension in INSTALLED]
     assert len({*names}) == len(names)
     assert {*COMMANDS} <= {*names}
-    assert all(own_routes(one) or one.identification for one in INSTALLED)
+    assert all(own_routes(one) or one.identification or one.sections for one in INSTALLED)
 
 
 def test_the_contracts_hold_every_extension() -> None:
@@ -65,7 +65,7 @@ def test_the_contracts_hold_every_extension() -> None:
     assert {*contracts["An extension knows no other"]["modules"]} == folders
     assert {*contracts["An extension's layers"]["containers"]} == folders
     mathematics = contracts["The mathematics touches no device, clock or framework"]["source_modules"]
-    assert {f"{folder}.mathematics" for folder in folders} <= {*mathematics}
+    assert {f"extensions.{file.parent.name}.mathematics" for file in EXTENSIONS.glob("*/mathematics")} <= {*mathematics}
 
 
 @each

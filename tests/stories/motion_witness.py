@@ -18,16 +18,16 @@ from daemon.cell.cell import Devices
 from daemon.composition import build
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord
 from daemon.model.run_states import RunState
-from daemon.plc.switch import PlcSwitch
 from daemon.server import Server
 from drivers.registry import open_robot
+from extensions.plc.extension import PlcSwitch
 from protocols.modbus.codes import Function
 from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.access_keys import TEST, bearer
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.fakes import FakeCamera, FakeRobot, FakeScanner
-from tests.daemon.plcs import MOVING, Ladder
 from tests.drivers.modbus_terminal import Terminal
+from tests.extensions.plc.plcs import MOVING, Ladder
 from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.stories.plant import poses_taught_for, settings_of
 from tests.support.serving import serve_for_tests
@@ -166,7 +166,7 @@ class WatchedPlant:
             httpx.AsyncClient(base_url=served.url, verify=False, timeout=LIMIT_S)
         )
 
-        port = next(service for service in self.application.services if isinstance(service, PlcSwitch)).service.tcp.port
+        port = self.application.service(PlcSwitch).service.tcp.port
         modbus = AsyncModbusTcpClient("127.0.0.1", port=port, timeout=LIMIT_S, retries=0, reconnect_delay=0)
         assert await modbus.connect()
         self.plc = Ladder(modbus)

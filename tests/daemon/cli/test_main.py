@@ -65,7 +65,7 @@ def test_the_daemon_is_imported_without_what_only_a_run_or_some_cells_need() -> 
     loaded = _loaded_by("import daemon.composition")
 
     run = {"calibration.solve", "calibration.detection.detect"}
-    some = run | {"aiohttp", "pymodbus", "cryptography", "dask", "daemon.plc.service", "drivers.interlocks"}
+    some = run | {"aiohttp", "pymodbus", "cryptography", "dask", "extensions.plc.service", "drivers.interlocks"}
     assert not (some | {f"scipy.{part}" for part in ("stats", "spatial", "special", "optimize", "signal")}) & loaded
 
 

@@ -29,7 +29,7 @@ def test_an_address_is_here_or_not(host: str, here: bool) -> None:
 
 
 def test_each_address_that_is_not_here_is_named_with_its_section() -> None:
-    warnings = LateAddresses(lambda: [("server", "127.0.0.1"), ("plc", NOT_HERE)]).warnings()
+    warnings = LateAddresses(lambda: {"server": "127.0.0.1", "plc": NOT_HERE}).warnings()
     assert len(warnings) == 1
     assert warnings[0].startswith(f"this PC does not have the address {NOT_HERE} of [plc] host yet")
 

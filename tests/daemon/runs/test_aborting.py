@@ -2,21 +2,17 @@
 
 import asyncio
 import threading
-from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
 
 from daemon.access.roles import Role
 from daemon.http.request_pacing import RequestPacing
-from daemon.runtime.event_bus import BusEvent
 from daemon.store import access_keys
 from daemon.store.store import Store
-from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.access_keys import TEST, bearer
-from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
+from tests.daemon.cell_under_test import Parts, serving, settings_for
 from tests.daemon.fakes import Gate
-from tests.daemon.plcs import MOVING, ladder
 from tests.support.waiting import LIMIT_S, eventually
 
 
@@ -149,34 +145,6 @@ async def test_two_who_abort_at_once_both_get_the_confirmation(tmp_path: Path) -
         assert {answer.status_code for answer in answers} <= {200, 409}
         assert answers[0].json()["state"] == "aborted"
         assert not bench.robot.armed
-
-
-async def test_events_and_a_plc_see_that_a_stop_is_not_confirmed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("daemon.cell.safe_stop.MAX_ATTEMPT_S", 0.3)
-    parts = Parts()
-    parts.robot.before_move = gate = Gate(1)
-    parts.robot.deaf = True
-    async with serving(settings_for(tmp_path, plc=MOVING), parts) as bench, ladder(bench) as plc:
-        run = (await bench.client.post("/calibrate")).json()
-        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
-        await plc.sets(ControlBit.ABORT)
-        await plc.waits(StatusBit.STOP_UNCONFIRMED, unwanted=StatusBit.READY)
-        assert (await bench.run_over(run["links"]["self"]))["state"] == "aborted"
-        parts.robot.deaf = False
-        await plc.sets(ControlBit(0))
-        await plc.waits(StatusBit.READY, unwanted=StatusBit.STOP_UNCONFIRMED)
-        await bench.application.events.flush()
-        events = [event async for event in _events_so_far(bench) if event.kind == "arm"]
-        assert [(event.data["stopped"], event.data["disarmed"]) for event in events] == [(True, False), (True, True)]
-
-
-async def _events_so_far(bench: Bench) -> AsyncIterator[BusEvent]:
-    async for event in bench.application.events.listen(0, 0.0):
-        if event is None:
-            return
-        yield event
 
 
 async def test_an_abort_does_not_wait_for_the_store(tmp_path: Path) -> None:

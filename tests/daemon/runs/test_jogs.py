@@ -9,11 +9,8 @@ import numpy as np
 
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import rotation_angle_rad, rotation_from_vector
-from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate
-from tests.daemon.plcs import MOVING, ladder
-from tests.drivers.modbus_terminal import terminal
 from tests.support.waiting import LIMIT_S
 
 UP = {"shift_mm": [0.0, 0.0, 20.0]}
@@ -120,17 +117,3 @@ async def test_a_repeated_request_moves_once_and_the_audit_log_names_it(bench: B
     rows = (await bench.client.get("/audit")).json()["rows"]
     (row,) = [row for row in rows if row["action"] == "run"]
     assert (row["subject"], "jog" in str(row)) == (first.json()["id"], True)
-
-
-async def test_an_open_gate_and_a_plc_that_holds_abort_refuse_it(tmp_path: Path) -> None:
-    signals = [{"name": "gate closed", "address": 0}]
-    async with terminal() as device:
-        interlocks = {"address": f"tcp://127.0.0.1:{device.port}", "limit_s": 5.0, "signals": signals}
-        async with serving(settings_for(tmp_path, plc=MOVING, interlocks=interlocks)) as bench, ladder(bench) as plc:
-            device.inputs[0] = False
-            assert (await bench.client.post("/robot/jog", json=UP)).json()["code"] == "interlock-open"
-            device.inputs[0] = True
-            await plc.sets(ControlBit.ABORT)
-            await plc.waits(StatusBit.ONLINE)
-            assert (await bench.client.post("/robot/jog", json=UP)).json()["code"] == "abort-held"
-            assert not bench.robot.goals

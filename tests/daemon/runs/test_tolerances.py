@@ -7,11 +7,8 @@ import pytest
 from daemon.config.settings import CalibrationSettings
 from daemon.model.requests import CalibrateRequest
 from daemon.runs.pose_selection import mount_expectation, stopping_rule
-from protocols.plc.codes import ControlBit, PlcVerdict, StatusBit
-from protocols.plc.registers import BY_NAME
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import serving, settings_for
-from tests.daemon.plcs import MOVING, ladder, value_of
 from tests.support.waiting import LIMIT_S
 
 
@@ -55,23 +52,6 @@ async def test_settings_may_forbid_that_a_request_loosens_the_tolerance(tmp_path
         assert (await bench.client.get("/runs")).json()["runs"] == []
         started = await bench.client.post("/calibrate", json={"tolerance_mm": 1.9})
         assert started.status_code == 202
-
-
-async def test_a_plc_states_the_tolerance_of_a_verification_and_learns_that_it_may_not_loosen_it(
-    tmp_path: Path,
-) -> None:
-    settings = settings_for(tmp_path, plc=MOVING, calibration={"tolerance_mm": 50.0, "requests_may_loosen": False})
-    async with serving(settings) as bench, ladder(bench) as plc:
-        await apply_calibration(bench)
-        await plc.sets(ControlBit(0))
-        await plc.waits(StatusBit.READY | StatusBit.ONLINE)
-        await plc.client.write_register(BY_NAME["tolerance_wanted"].address, 50_001)
-        assert await plc.triggers(ControlBit.TRIGGER_VERIFY) & StatusBit.ERROR
-        assert value_of(await plc.image(), "error_code") == 26
-        await plc.client.write_register(BY_NAME["tolerance_wanted"].address, 1)
-        await plc.waits(StatusBit.READY)
-        assert not await plc.triggers(ControlBit.TRIGGER_VERIFY) & StatusBit.ERROR
-        assert value_of(await plc.result(), "verdict") == PlcVerdict.REJECTED
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.cli.running import handeyed
 from tests.daemon.fakes import ply_of, points_of
-from tests.daemon.plcs import MOVING, ladder, value_of
+from tests.extensions.plc.plcs import MOVING, ladder, value_of
 from tests.simulated.arms import ArmCell, arm_cell, least_travel, reachable_views, session_document, target_before
 from tests.support.waiting import LIMIT_S
 

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("asyncua", reason="asyncua is not here: pip install 'handeyed[opcua]'")
 
 from tests.daemon.cell_under_test import serving, settings_for
-from tests.daemon.plc.foreign_clients import output_of
+from tests.extensions.plc.foreign_clients import output_of
 from tests.gateways.opcua.plant import plant
 
 

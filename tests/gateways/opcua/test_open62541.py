@@ -17,7 +17,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from gateways.opcua.cell_state import SCALARS
 from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.cell_under_test import Parts
-from tests.daemon.plc.foreign_clients import output_of
+from tests.extensions.plc.foreign_clients import output_of
 from tests.gateways.opcua.plant import CLIENT, plant
 
 PYTHON = Path(os.environ.get("HANDEYED_OPEN62541", ""), "python")

@@ -27,7 +27,6 @@ from daemon.cell.safe_stop import SafeStop
 from daemon.composition import build
 from daemon.config.settings import RobotSettings, Settings
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord, ScanRecord
-from daemon.plc.switch import PlcSwitch
 from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock
 from daemon.store import actor
@@ -35,13 +34,14 @@ from daemon.store.store import Store
 from drivers.errors import DeviceUnreachable
 from drivers.interfaces import CameraFrame, LinkHealth
 from drivers.registry import open_robot
+from extensions.plc.extension import PlcSwitch
 from extensions.touch import approach as touch_approach
 from extensions.touch.approach import Approach
 from tests.daemon.access_keys import TEST
 from tests.daemon.calibrations import document_with_covariance
 from tests.daemon.cell_under_test import pose_json, settings_for
 from tests.daemon.fakes import FakeScanner, picture_of_the_board, poses_around_the_target
-from tests.daemon.plcs import MOVING
+from tests.extensions.plc.plcs import MOVING
 from tests.support.serving import serve_for_tests
 
 WARM = ["tests.stories.one_model.plant_process", "anyio._backends._asyncio", "uvicorn.lifespan.on", "scipy.optimize",
@@ -119,7 +119,7 @@ async def _serve(folder: Path, robot_port: int, ready: Connection) -> None:
     application = build(settings, devices, clock=clock)
     async with serve_for_tests(application) as served:
         keys = await _first_keys(application)
-        plc = next(service for service in application.services if isinstance(service, PlcSwitch)).service
+        plc = application.service(PlcSwitch).service
         ready.send((served.url, plc.tcp.port, keys))
         await served.task
 

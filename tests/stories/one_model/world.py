@@ -24,7 +24,7 @@ from mock_robot.truth.truth import NO_NOISE, CellTruth
 from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.access_keys import bearer
 from tests.daemon.fakes import BASE_T_TARGET, BOARD
-from tests.daemon.plcs import Ladder
+from tests.extensions.plc.plcs import Ladder
 from tests.extensions.touch.touches import TIP, TIP_MM
 from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.stories.one_model.plant_process import (

@@ -15,7 +15,7 @@ import time
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
 
-from daemon.plc.tcp import ModbusTcp, ModbusTcpLimits, Respond
+from extensions.plc.tcp import ModbusTcp, ModbusTcpLimits, Respond
 from protocols.modbus.bank import Identification, respond
 from protocols.modbus.mbap import Adu, MbapReader
 from protocols.modbus.words import Words
@@ -95,7 +95,7 @@ async def fuzz(frames: int, seed: int) -> Tally:
     chance, tally = random.Random(seed), Tally()
     loop = asyncio.get_running_loop()
     loop.set_exception_handler(lambda _loop, context: tally.errors.append(str(context)))
-    log = logging.getLogger("daemon.plc.tcp")
+    log = logging.getLogger("extensions.plc.tcp")
     level, began_s = log.level, time.perf_counter()
     log.setLevel(logging.ERROR)
     try:

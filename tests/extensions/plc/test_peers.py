@@ -10,8 +10,8 @@ import pytest
 
 from protocols.plc.codes import StatusBit
 from tests.daemon.cell_under_test import serving, settings_for
-from tests.daemon.plc.foreign_clients import needs_mbpoll, output_of
-from tests.daemon.plcs import MOVING, ladder, plc_of, value_of
+from tests.extensions.plc.foreign_clients import needs_mbpoll, output_of
+from tests.extensions.plc.plcs import MOVING, ladder, plc_of, value_of
 
 
 @needs_mbpoll

@@ -16,7 +16,8 @@ from protocols.plc.registers import BY_NAME, RESULT, SIZE
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FLANGE_T_CAMERA, Gate, poses_around_the_target
-from tests.daemon.plcs import MOVING, ladder, plc_of, value_of
+from tests.daemon.named_cameras import two_cameras
+from tests.extensions.plc.plcs import MOVING, ladder, plc_of, value_of
 from tests.support.waiting import LIMIT_S
 
 C, S = ControlBit, StatusBit
@@ -307,3 +308,33 @@ async def test_a_taken_port_is_reported_before_anything_starts(tmp_path: Path) -
 )  # fmt: skip
 def test_who_may_write(client: str, writes: bool) -> None:
     assert PlcSettings(writers=("192.168.125.10", "192.168.126.0/24")).may_write(client) is writes
+
+
+async def test_a_plc_names_the_camera_by_its_number(tmp_path: Path) -> None:
+    async with two_cameras(tmp_path, plc=MOVING) as bench, ladder(bench) as plc:
+        camera = BY_NAME["camera_wanted"].address
+        await plc.sets(C(0))
+        await plc.waits(S.READY)
+        await plc.client.write_register(camera, 1)
+        await plc.triggers(C.TRIGGER_CALIBRATE)
+        await plc.result()
+        assert (await bench.client.get("/calibrations/current?camera=wrist")).status_code == 200
+        await plc.client.write_register(camera, 2)
+        assert await plc.triggers(C.TRIGGER_CALIBRATE) & S.ERROR
+
+
+async def test_a_plc_states_the_tolerance_of_a_verification_and_learns_that_it_may_not_loosen_it(
+    tmp_path: Path,
+) -> None:
+    settings = settings_for(tmp_path, plc=MOVING, calibration={"tolerance_mm": 50.0, "requests_may_loosen": False})
+    async with serving(settings) as bench, ladder(bench) as plc:
+        await apply_calibration(bench)
+        await plc.sets(C(0))
+        await plc.waits(S.READY | S.ONLINE)
+        await plc.client.write_register(BY_NAME["tolerance_wanted"].address, 50_001)
+        assert await plc.triggers(C.TRIGGER_VERIFY) & S.ERROR
+        assert value_of(await plc.image(), "error_code") == 26
+        await plc.client.write_register(BY_NAME["tolerance_wanted"].address, 1)
+        await plc.waits(S.READY)
+        assert not await plc.triggers(C.TRIGGER_VERIFY) & S.ERROR
+        assert value_of(await plc.result(), "verdict") == PlcVerdict.REJECTED

@@ -2,36 +2,28 @@
 
 import random
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from daemon.config.plc_settings import PlcSettings
 from daemon.drift.cell_cameras import CellCameras
 from daemon.http.listen_socket import open_listener
-from daemon.plc.gateway import PlcGateway
-from daemon.plc.rtu import ModbusRtu
-from daemon.plc.tcp import ModbusTcp, ModbusTcpLimits, Respond
 from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Metric
 from daemon.runtime.version import VERSION
+from extensions.plc.gateway import PlcGateway
+from extensions.plc.tcp import ModbusTcp, ModbusTcpLimits, Respond
 from protocols.modbus.bank import Identification, respond
 from protocols.plc.handshake import Rules
 
 IDENTIFICATION = Identification("handeyed", "handeyed", VERSION, name="eye-in-hand calibration")
 
 
-@dataclass(frozen=True, eq=False)
 class PlcService:
-    """Background service that runs as long as the daemon."""
+    """Background service that runs as long as the settings name this PLC."""
 
-    gateway: PlcGateway
-    tcp: ModbusTcp
-    rtu: ModbusRtu | None
-
-    @classmethod
-    def of(cls, settings: PlcSettings, cameras: CellCameras, clock: Clock) -> "PlcService":
-        """Build the service and bind its port; connections are accepted after `start`. Raises PortTaken."""
+    def __init__(self, settings: PlcSettings, cameras: CellCameras, clock: Clock) -> None:
+        """Bind the port; connections are accepted after `start`. Raises PortTaken."""
         rules = Rules(settings.word_order, settings.motion, settings.heartbeat_limit_s or None)
-        gateway = PlcGateway(cameras, clock, rules)
+        self.gateway = gateway = PlcGateway(cameras, clock, rules)
 
         def respond_to(client: str) -> Respond:
             may_write = settings.may_write(client)
@@ -39,10 +31,12 @@ class PlcService:
             return lambda pdu, repeated: respond(pdu, again if repeated else bank, IDENTIFICATION)
 
         limits = ModbusTcpLimits(settings.connections, settings.idle_limit_s, has_priority=settings.may_write)
-        tcp = ModbusTcp(open_listener(settings.host, settings.port, "plc"), respond_to, limits)
-        line = settings.serial
-        rtu = None if line is None else ModbusRtu(line, gateway.bank(line.port, True), IDENTIFICATION, random.random)
-        return cls(gateway, tcp, rtu)
+        self.tcp = ModbusTcp(open_listener(settings.host, settings.port, "plc"), respond_to, limits)
+        self.rtu = None
+        if (line := settings.serial) is not None:
+            from extensions.plc.rtu import ModbusRtu  # with pymodbus, a third of a second
+
+            self.rtu = ModbusRtu(line, gateway.bank(line.port, True), IDENTIFICATION, random.random)
 
     async def start(self) -> None:
         self.gateway.start()

@@ -14,7 +14,7 @@ from daemon.cli.demo_run.report import report
 from daemon.cli.demo_run.scenario import DemoResult
 from protocols.plc.codes import ContentsBit, ControlBit, StatusBit
 from tests.daemon.cell_under_test import Bench, serving, settings_for
-from tests.daemon.plcs import MOVING, ladder, value_of
+from tests.extensions.plc.plcs import MOVING, ladder, value_of
 from tests.support.waiting import LIMIT_S
 
 FIELDS = ("expanded_mm", "worst_point", "tolerance_mm", "tolerance_stated", "expected_mm", "before_mm", "why")

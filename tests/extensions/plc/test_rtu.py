@@ -1,6 +1,8 @@
 """The same registers over a serial line, read and written by pymodbus and by mbpoll."""
 
 import asyncio
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,14 +11,20 @@ from pymodbus.client import AsyncModbusSerialClient
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import SIZE
 from tests.daemon.cell_under_test import serving, settings_for
-from tests.daemon.plc.foreign_clients import needs_mbpoll, output_of
-from tests.daemon.plcs import MOVING, Ladder, plc_of, value_of
+from tests.extensions.plc.foreign_clients import needs_mbpoll, output_of
+from tests.extensions.plc.plcs import MOVING, Ladder, plc_of, value_of
 from tests.support.serial_pair import cable
 from tests.support.waiting import LIMIT_S, eventually
 
 
 def with_line(port: str) -> dict[str, object]:
     return {**MOVING, "serial": {"port": port, "baud": 115200, "parity": "N", "unit": 7}}
+
+
+@pytest.mark.slow
+def test_pymodbus_is_loaded_where_a_line_is_named_only() -> None:
+    code = "import sys, extensions.plc.service; sys.exit('pymodbus' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 async def test_a_calibration_over_rtu(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ from typing import Any
 
 from pymodbus.client import AsyncModbusTcpClient
 
-from daemon.plc.service import PlcService
-from daemon.plc.switch import PlcSwitch
+from extensions.plc.extension import PlcSwitch
+from extensions.plc.service import PlcService
 from protocols.modbus.words import WordOrder, crc16, text_of, unsigned_of
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME, RESULT, SIZE, Kind
@@ -27,7 +27,9 @@ READERS = {Kind.FLOAT32: float_of, Kind.INT32: integer_of, Kind.UINT32: unsigned
 
 
 def plc_of(bench: Bench) -> PlcService:
-    return next(one for one in bench.application.services if isinstance(one, PlcSwitch)).service
+    service = bench.application.service(PlcSwitch).service
+    assert service is not None
+    return service
 
 
 def value_of(image: list[int], name: str, order: WordOrder = WordOrder.HIGH_FIRST) -> Any:

@@ -2,16 +2,18 @@
 
 import asyncio
 import struct
+from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
 
 from calibration.transforms import Array
+from daemon.runtime.event_bus import BusEvent
 from protocols.modbus.mbap import Adu
 from protocols.plc.codes import ControlBit, PlcVerdict, StatusBit
-from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
+from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import FakeRobot, Gate, poses_around_the_target
-from tests.daemon.plcs import MOVING, ladder, plc_of, value_of
+from tests.extensions.plc.plcs import MOVING, ladder, plc_of, value_of
 from tests.support.waiting import LIMIT_S
 
 C, S = ControlBit, StatusBit
@@ -134,3 +136,31 @@ async def test_an_abort_by_the_plc_is_one_row_of_the_audit_log(tmp_path: Path) -
         await plc.sets(C.ABORT)
         await plc.status()
         assert await aborts() == [("the PLC at 127.0.0.1", run["id"])]
+
+
+async def test_events_and_a_plc_see_that_a_stop_is_not_confirmed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("daemon.cell.safe_stop.MAX_ATTEMPT_S", 0.3)
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(1)
+    parts.robot.deaf = True
+    async with serving(settings_for(tmp_path, plc=MOVING), parts) as bench, ladder(bench) as plc:
+        run = (await bench.client.post("/calibrate")).json()
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        await plc.sets(C.ABORT)
+        await plc.waits(S.STOP_UNCONFIRMED, unwanted=S.READY)
+        assert (await bench.run_over(run["links"]["self"]))["state"] == "aborted"
+        parts.robot.deaf = False
+        await plc.sets(C(0))
+        await plc.waits(S.READY, unwanted=S.STOP_UNCONFIRMED)
+        await bench.application.events.flush()
+        events = [event async for event in _events_so_far(bench) if event.kind == "arm"]
+        assert [(event.data["stopped"], event.data["disarmed"]) for event in events] == [(True, False), (True, True)]
+
+
+async def _events_so_far(bench: Bench) -> AsyncIterator[BusEvent]:
+    async for event in bench.application.events.listen(0, 0.0):
+        if event is None:
+            return
+        yield event

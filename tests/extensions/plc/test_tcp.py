@@ -11,10 +11,10 @@ import pytest
 import uvloop
 from pymodbus.client import AsyncModbusTcpClient
 
-from daemon.plc.tcp import ModbusTcp, ModbusTcpLimits
+from extensions.plc.tcp import ModbusTcp, ModbusTcpLimits
 from protocols.modbus.mbap import Adu, MbapReader
 from protocols.plc.registers import BY_NAME
-from tests.daemon.plc.modbus_fuzz import Tally, fuzz, served
+from tests.extensions.plc.modbus_fuzz import Tally, fuzz, served
 from tests.support.waiting import LIMIT_S, eventually
 
 QUICK = ModbusTcpLimits(connections=3, idle_s=600.0, half_frame_s=0.3)
