@@ -20,9 +20,9 @@ SERVICE_ROOTS = ("daemon.composition", "daemon.server", "daemon.api.routes")
 
 MAX_UNITS = {"calibration": 24, "daemon": 22, "mock_robot": 14, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 93_187,
-    "lines of Python with the extensions": 98_717,
-    "lines of Python of the core that the service imports": 67_637,
+    "lines of Python of the core": 91_784,
+    "lines of Python with the extensions": 98_325,
+    "lines of Python of the core that the service imports": 65_003,
     "lines of Python of the gateways": 1_322,
     "files of the fullest folder": 43,
     "private functions used once": 671,
