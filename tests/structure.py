@@ -20,13 +20,13 @@ SERVICE_ROOTS = ("daemon.composition", "daemon.server", "daemon.api.routes")
 
 MAX_UNITS = {"calibration": 24, "daemon": 22, "mock_robot": 14, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 91_784,
-    "lines of Python with the extensions": 98_325,
-    "lines of Python of the core that the service imports": 65_003,
+    "lines of Python of the core": 91_782,
+    "lines of Python with the extensions": 98_323,
+    "lines of Python of the core that the service imports": 65_001,
     "lines of Python of the gateways": 1_322,
     "files of the fullest folder": 43,
-    "private functions used once": 671,
-    "of them of at most 8 lines": 253,
+    "private functions used once": 670,
+    "of them of at most 8 lines": 252,
     "functions of 8 parameters or more": 34,
     "pairs of a dataclass and a document with the same fields": 26,
     "converters between them: of, of_row, of_record, row": 52,

@@ -70,10 +70,10 @@ class AccessKeys:
         await self._write(insert)
 
     async def rotate(self, name: str, record: KeyRecord, until: str, context: AuditContext) -> KeyRecord:
-        """Insert a key with the name and role of `name`; the old one expires at `until`. Raises NotFound."""
+        """Insert a key with the name and role of `name`; the newest old one expires at `until`. Raises NotFound."""
 
         def replace_it(db: sqlite3.Connection) -> KeyRecord:
-            old = _valid_of(db, name, record.created_at)
+            old = _valid_of(db, name, record.created_at)[-1]
             new = KeyRecord(record.id, old.name, old.role, record.hash, record.created_at, record.expires_at)
             ends = until if old.expires_at is None else min(until, old.expires_at)
             db.execute("UPDATE access_keys SET expires_at = ? WHERE id = ?", (ends, old.id))
@@ -87,9 +87,7 @@ class AccessKeys:
         """Revoke every valid key with that name or id; returns their ids. Raises NotFound."""
 
         def end(db: sqlite3.Connection) -> list[str]:
-            ids = [record.id for record in _all(db) if name in (record.name, record.id) and record.valid(at)]
-            if not ids:
-                raise NotFound(f"there is no valid key called {name!r}", "list them: handeyed keys list CONFIG")
+            ids = [record.id for record in _valid_of(db, name, at)]
             for key_id in ids:
                 db.execute("UPDATE access_keys SET revoked_at = ? WHERE id = ?", (at, key_id))
                 append_audit(db, context, at, "key revoked", key_id, name=name)
@@ -125,9 +123,9 @@ def _all(db: sqlite3.Connection) -> list[KeyRecord]:
     return [KeyRecord(*row) for row in rows]
 
 
-def _valid_of(db: sqlite3.Connection, name: str, now: str) -> KeyRecord:
-    """The newest valid key with that name or id. Raises NotFound."""
-    for record in reversed(_all(db)):
-        if name in (record.name, record.id) and record.valid(now):
-            return record
-    raise NotFound(f"there is no valid key called {name!r}", "list them: handeyed keys list CONFIG")
+def _valid_of(db: sqlite3.Connection, name: str, now: str) -> list[KeyRecord]:
+    """The valid keys with that name or id, oldest first. Raises NotFound without one."""
+    found = [record for record in _all(db) if name in (record.name, record.id) and record.valid(now)]
+    if not found:
+        raise NotFound(f"there is no valid key called {name!r}", "list them: handeyed keys list CONFIG")
+    return found
