@@ -236,8 +236,8 @@ def table_of_array(array: Array, origin: str, labels: Sequence[str] = ()) -> Pos
     """
     if array.ndim == 4 and len(array) == 2:
         array = np.swapaxes(array, 0, 1)
-    if array.ndim == 2 and array.shape[1] == 1:
-        array = array[:, 0]
+    if array.ndim in (2, 3) and array.shape[-1] == 1:
+        array = array[..., 0]
     if array.ndim == 1 or array.shape in ((4, 4), (3, 4)):
         array = array[None]
     if array.ndim in (3, 4) and array.shape[1] == 2 and array.shape[2:] in (*MATRICES, *ROWS):
@@ -245,8 +245,6 @@ def table_of_array(array: Array, origin: str, labels: Sequence[str] = ()) -> Pos
         return replace(robot, side=None, camera=camera, frame="base_T_flange")
     if array.ndim == 3 and array.shape[1:] in ((4, 4), (3, 4)):
         return table_of_matrices(origin, labels, array, f"{array.shape[1]} x 4 matrices")
-    if array.ndim == 3 and array.shape[2] == 1:
-        return table_of_array(array[:, :, 0], origin, labels)
     if array.ndim != 2 or not array.size:
         shape = " x ".join(map(str, array.shape))
         raise refusal(origin, "array", f"its shape {shape} is none of poses", "give n x 4 x 4, n x 7 or n x 6")

@@ -23,6 +23,7 @@ from calibration.errors import DocumentError
 from calibration.transforms import Array
 
 MAX_ARRAY_BYTES = 64_000_000  # bytes of an array with poses
+OF_VIEW = ((3, 3), (3, 4), (4, 4), (3, 1), (1, 3))  # shapes of what one view has in a .mat file
 
 _NUMBERS = re.compile(rb"'descr': '.?([if]|u1)")
 """In the header of an array of integers, floats or pictures; texts and dates beside it are passed over."""
@@ -44,7 +45,7 @@ def load_npy(content: bytes, origin: str) -> Array:
 
 
 def read_mat(content: bytes, origin: str) -> PoseTable:
-    """The poses of MATLAB's .mat file (version 5), whose views are the last axis. Raises DocumentError."""
+    """The poses of a .mat file (version 5), whose views are the last axis, or scipy's first. Raises DocumentError."""
     import scipy.io  # an eighth of a second, and few bring such files
 
     try:
@@ -67,7 +68,8 @@ def _of_matlab(value: Any) -> Any:
         return structs[0] if len(structs) == 1 else structs
     if value.dtype == object:
         return [_of_matlab(one) for one in value.flat]
-    return None if value.dtype.kind not in "iuf" else np.moveaxis(value, 2, 0) if value.ndim == 3 else value
+    views_last = value.ndim == 3 and (value.shape[:2] in OF_VIEW or value.shape[1:] not in OF_VIEW)
+    return None if value.dtype.kind not in "iuf" else np.moveaxis(value, 2, 0) if views_last else value
 
 
 def load_npz(content: bytes, origin: str) -> dict[str, Array]:
