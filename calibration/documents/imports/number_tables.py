@@ -295,9 +295,9 @@ def _both_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence[An
     stems = [re.sub(r"\.1$", "", name) for name in names]  # pandas calls the second x x.1
     if sum(stems.count(one) == 2 for one in stems) >= 12:
         names = [f"{'ab'[one in stems[:at]]}_{one}" if stems.count(one) == 2 else one for at, one in enumerate(stems)]
-    letters = {name.partition("_")[0].lower() for name in names}
+    letters = {name[0].lower() for name in names if name[1:2] == "_"}
     if "c" in letters and letters - {"c"} in ({"w"}, {"r"}, {"b"}):  # C_X beside W_X, R_X or B_X
-        names = [f"{'camera' if name[0] in 'cC' else 'robot'}{name[1:]}" for name in names]
+        names = [f"{'camera' if n[0] in 'cC' else 'robot'}{n[1:]}" if n[1:2] == "_" else n for n in names]
     found = text_columns(names)
     shared = [at for at in (found.image, found.time, found.label) if at is not None and np.ndim(columns[at][0]) == 0]
     sides = [None if at in shared or one is None else one.side for at, one in enumerate(map(relation_of, names))]

@@ -9,7 +9,7 @@ from calibration.documents.imports.pose_files import read_poses
 from calibration.documents.imports.pose_table import find_conventions
 from calibration.errors import DocumentError
 from calibration.problem import PosesOf
-from tests.calibration.documents.imports.written import FILES, MM, POSES, WXYZ, euler, lines, matrices, rows
+from tests.calibration.documents.imports.written import FILES, MM, POSES, VECTORS, WXYZ, euler, lines, matrices, rows
 
 
 @pytest.mark.parametrize("case", FILES)
@@ -144,3 +144,16 @@ def test_a_tool_and_a_base_of_the_poses_are_said(name: str, row: str, said: Pose
 def test_the_null_frame_is_no_base_and_the_one_in_use_may_be(frames: str, said: PosesOf | None) -> None:
     poses = read_poses("a.src", lines(frames, *(KUKA.format(at=at, base=0, tool=0) for at in range(4))))
     assert poses.poses_of == said
+
+
+def test_columns_by_the_letters_of_their_frames_are_of_two_sides_beside_others() -> None:
+    seen = np.concatenate([MM / 1000 + 0.2, np.roll(WXYZ, -1, axis=1)], axis=1)
+    header = "stamp_sec,B_tcp_x,B_tcp_y,B_tcp_z,B_tcp_rx,B_tcp_ry,B_tcp_rz," + ",".join(
+        [*(f"C_p_O_{axis}" for axis in "xyz"), *(f"C_q_O_{axis}" for axis in "xyzw")]
+    )
+    stamps = np.arange(3.0)[:, None] + 1.7e9
+    table = read_poses("a.csv", lines(header, *rows(stamps, MM / 1000, VECTORS, seen)))
+    assert table.camera is not None
+    np.testing.assert_allclose((table.lengths, table.numbers), (MM / 1000, VECTORS), atol=1e-8)
+    np.testing.assert_allclose(table.camera.lengths, seen[:, :3], atol=1e-8)
+    np.testing.assert_allclose(table.camera.numbers, WXYZ, atol=1e-8)
