@@ -168,10 +168,9 @@ def _images(files: Files, pattern: str | None, poses: PoseTable) -> Sequence[str
     images = [name for name in own if suffix_of(name) not in TIFF or name.rpartition(".")[0] not in stems] or every
     images = sorted({*every} & {*(poses.images or ())}, key=natural) or images
     series: dict[str, list[str]] = {}
-    for name in images:
+    for name in () if poses.images else images:  # a table with names of pictures names its own
         series.setdefault(re.sub(r"\d+", "*", name), []).append(name)
     fitting = {glob: one for glob, one in series.items() if len(one) == len(poses) and _are_of_one_folder(one)}
-    fitting = {} if poses.images else fitting  # the table names its own
     if len(fitting) == 1:
         return next(iter(fitting.values()))
     if len(fitting) > 1 or not _are_of_one_folder(images):
@@ -197,9 +196,7 @@ def _poses(files: Files, pattern: str, side: Side) -> PoseTable:
     if not names:
         raise refusal(files.origin, option, f"no file fits {pattern}", "check the pattern")
     table = read_named(files, names)
-    if table.camera is not None:
-        return table.camera if side == "camera" else table
-    return _named_by(names[0], table, side)
+    return table.camera if side == "camera" and table.camera is not None else _named_by(names[0], table, side)
 
 
 def find_poses(files: Files, but: str | None = None) -> PoseTable:
@@ -229,9 +226,10 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
             stem, folder = re.sub(r"\d+", "", path.stem), str(path.parent)
             folder = folder if stem != path.stem else re.sub(r"\d+", "", folder)  # one of a view: pose_07/data.json
             single.setdefault((f"{folder}/{stem}", path.suffix), []).append(name)
-    for (stem, suffix), names in single.items():
-        if len(names) > 1:
-            several[f"{stem}...{suffix}"] = read_named(files, sorted(names, key=natural))
+    for names in (sorted(own, key=natural) for own in single.values() if len(own) > 1):
+        first, last = (PurePosixPath(names[at]) for at in (0, -1))
+        numbered = last.name if first.parent == last.parent else names[-1]  # else one of a view
+        several[names[-1].removesuffix(numbered) + re.sub(r"\d+", "*", numbered)] = read_named(files, names)
     if len(several) == 1:
         ((name, table),) = several.items()
         unread = [f"not read: {name}: {error.problems[0].what}" for name, error in refused if LIKELY.search(name)]

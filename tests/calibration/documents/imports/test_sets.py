@@ -192,6 +192,16 @@ def test_two_files_with_the_same_poses_are_one() -> None:
         read_set(Held(files | _pictures("{}.png")), None, Chosen())
 
 
+def test_files_of_one_pose_each_are_named_by_the_glob_that_takes_them() -> None:
+    series = {
+        f"run{at % 2}/{at // 2}{kind}.txt": matrices()[at % 3].ravel() for at in range(6) for kind in ("_a", "_b")
+    }
+    files = Held({name: lines(",".join(map(str, numbers))) for name, numbers in series.items()} | _pictures("{}.png"))
+    with pytest.raises(DocumentError, match=r"\(run0/\*_a\.txt, run0/\*_b\.txt, run1/\*_a\.txt, run1/\*_b\.txt\)"):
+        read_set(files, None, Chosen())
+    assert read_set(files, None, Chosen(poses="run1/*_b.txt")).poses.labels == ("0_b", "1_b", "2_b")
+
+
 def test_a_file_for_each_pose_is_known_by_the_number_anywhere_in_its_name() -> None:
     files = {f"{at}_frame.txt": f"np.array({pose.tolist()})".encode() for at, pose in enumerate(matrices())}
     imported = read_set(Held(files | _pictures("{}_frame.png")), None, Chosen())
