@@ -76,7 +76,9 @@ def _by_name(images: Sequence[str], table: PoseTable, wanted: Sequence[str]) -> 
     if missing:
         what = f"no picture of the names {shown(missing)}; there are {len(images)} ({shown(list(images))})"
         raise refusal(table.origin, "pairs", what, "name the pictures as they are called", "pairs")
-    return Pairing(tuple(range(len(table))), tuple(image for image in found if image), "by the names in the table")
+    again = sorted({image for image in found if image and found.count(image) > 1}, key=natural)
+    words = "by the names in the table" + (f"; of several poses each: {shown(again)}" if again else "")
+    return Pairing(tuple(range(len(table))), tuple(image for image in found if image), words)
 
 
 def _last(name: str) -> str:

@@ -202,6 +202,12 @@ def test_files_of_one_pose_each_are_named_by_the_glob_that_takes_them() -> None:
     assert read_set(files, None, Chosen(poses="run1/*_b.txt")).poses.labels == ("0_b", "1_b", "2_b")
 
 
+def test_a_picture_that_several_rows_name_is_said() -> None:
+    rows_named = [f"{name},{row}" for name, row in zip(("0.png", "1.png", "1.png"), rows(MM, WXYZ), strict=True)]
+    files = {"poses.csv": lines("image,x,y,z,qw,qx,qy,qz", *rows_named)} | _pictures("{}.png")
+    assert read_set(Held(files), None, Chosen()).pairing == "by the names in the table; of several poses each: 1.png"
+
+
 def test_a_file_for_each_pose_is_known_by_the_number_anywhere_in_its_name() -> None:
     files = {f"{at}_frame.txt": f"np.array({pose.tolist()})".encode() for at, pose in enumerate(matrices())}
     imported = read_set(Held(files | _pictures("{}_frame.png")), None, Chosen())
