@@ -186,7 +186,7 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
             return Decision(best.readings[0], "")
         seen = 0 if evidence is None else len(evidence)
         left = tuple(one.readings[0] for one in compared)
-        return Decision(None, f"{len(compared)} readings, and {seen} pictures to compare by (of {MIN_VIEWS})", left)
+        return Decision(None, f"{len(compared)} readings, and {seen} of {MIN_VIEWS} pictures needed to compare", left)
     try:
         if others:
             one = best.readings[0]

@@ -124,13 +124,13 @@ class PoseTable:
         assert self.numbers.shape == (len(self), NUMBERS[self.kind])
         finite = np.all(np.abs(self.lengths) < MAX_NUMBER, axis=1) & np.all(np.abs(self.numbers) < MAX_NUMBER, axis=1)
         if not finite.all():
-            row = int(np.flatnonzero(~finite)[0])
-            raise refusal(self.origin, f"pose {self.labels[row]}", "a number is missing or not finite", "correct it")
+            place = f"pose {self.labels[finite.argmin()]}"
+            raise refusal(self.origin, place, "a number is missing or not finite", "correct it")
         norms = np.linalg.norm(self.numbers, axis=1)
         wrong = np.abs(norms - 1) > QUATERNION_NORM_TOLERANCE
         if self.kind == "quaternion" and wrong.any():
             row = int(wrong.argmax())
-            what = f"a quaternion of norm {norms[row]:.4g}, not 1"
+            what = f"a quaternion of norm {norms[row]:.4g}, not 1 (of {self.layout})"
             raise refusal(self.origin, f"pose {self.labels[row]}", what, "give unit quaternions")
         reach = np.linalg.norm(self.lengths, axis=1)
         near = reach < reach.max(initial=0.0) / MIXED_RATIO

@@ -106,7 +106,7 @@ def test_too_few_views_decide_nothing() -> None:
     table = _table(poses, *_numbers("euler-ZYX", poses))
     decision = decide(table, compare(table, readings_of(table, ("eye-in-hand",)), evidence), evidence)
     assert decision.reading is None
-    assert "4 pictures to compare by" in decision.words
+    assert "4 of 5 pictures needed to compare" in decision.words
 
 
 def test_poses_of_other_pictures_fit_in_no_convention() -> None:

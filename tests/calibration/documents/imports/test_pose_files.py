@@ -157,3 +157,8 @@ def test_columns_by_the_letters_of_their_frames_are_of_two_sides_beside_others()
     np.testing.assert_allclose((table.lengths, table.numbers), (MM / 1000, VECTORS), atol=1e-8)
     np.testing.assert_allclose(table.camera.lengths, seen[:, :3], atol=1e-8)
     np.testing.assert_allclose(table.camera.numbers, WXYZ, atol=1e-8)
+
+
+def test_a_quaternion_of_another_norm_is_refused_with_the_columns_that_it_was_read_from() -> None:
+    with pytest.raises(DocumentError, match=r"norm 2, not 1 \(of columns x, y, z, qw, qx, qy, qz\)"):
+        read_poses("a.csv", lines("x,y,z,qw,qx,qy,qz", *rows(MM, 2 * WXYZ)))
