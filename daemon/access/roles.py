@@ -66,7 +66,6 @@ POLICY: tuple[tuple[str, str, Role], ...] = (
     ("PUT", "/setup", Role.ADMIN),
     (ANY, "/setup/*", Role.ADMIN),
     ("GET", ANY, Role.VIEWER),
-    ("HEAD", ANY, Role.VIEWER),
     ("OPTIONS", ANY, Role.VIEWER),
     (ANY, ANY, Role.OPERATOR),
 )

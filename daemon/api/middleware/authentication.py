@@ -32,7 +32,7 @@ AS_THE_SERVICE = (
     " -H @/run/handeyed/authorization; or make a first key: handeyed keys add"
 )
 
-SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+SAFE_METHODS = frozenset({"GET", "OPTIONS"})
 
 
 class Authentication:

@@ -21,8 +21,6 @@ from daemon.model.records import RunRecord
 WATCH_AFTER_S = 0.05
 """Most requests are answered earlier, and need no task that listens for the disconnect."""
 
-READING_METHODS = frozenset({"GET", "HEAD"})
-
 
 class Disconnects:
     """Cancels reading requests of clients that have disconnected, and raises ClientDisconnect.
@@ -37,7 +35,7 @@ class Disconnects:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        reads = scope["method"] in READING_METHODS
+        reads = scope["method"] == "GET"  # HEAD comes as GET
         client = Client(receive, send, discards_body=reads)
         scope.setdefault("state", {})["connection"] = client
         try:

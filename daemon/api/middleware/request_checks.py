@@ -67,11 +67,9 @@ class RequestChecks:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        if scope["method"] == "HEAD":
-            scope = {**scope, "method": "GET"}  # the server leaves out the body
         headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
         request_id = _request_id(headers)
-        exchange = _Exchange(receive, send, self._limit(scope["path"]), request_id)
+        exchange = _Exchange(receive, send, self._limit(scope["path"]), request_id, scope["method"])
         try:
             with about_request(request_id):
                 await self._pass(scope, exchange, headers)
@@ -94,9 +92,10 @@ class RequestChecks:
             if (size := len(scope["query_string"])) > MAX_QUERY_BYTES:
                 fix = f"send at most {MAX_QUERY_BYTES} bytes after the question mark"
                 raise InvalidRequest([DocumentProblem("query", f"it has {size} bytes", fix)])
-            await self._app(scope, exchange.receive, exchange.send)
+            asked = {**scope, "method": "GET"} if scope["method"] == "HEAD" else scope
+            await self._app(asked, exchange.receive, exchange.send)
         except ClientDisconnect:
-            answered = False
+            answered = exchange.cut
         except REFUSALS as error:
             if exchange.status is not None:
                 raise
@@ -122,12 +121,12 @@ class RequestChecks:
 
 
 class _Exchange:
-    """One request and its answer, with the size of the body and the status."""
+    """One request and its answer, with the size of the body and the status; `cut`: it is HEAD's, and without a body."""
 
-    def __init__(self, receive: Receive, send: Send, limit_bytes: int, request_id: str) -> None:
+    def __init__(self, receive: Receive, send: Send, limit_bytes: int, request_id: str, method: str) -> None:
         self._receive, self._send, self._limit = receive, send, limit_bytes
-        self._request_id = request_id.encode()
-        self._received = 0
+        self._request_id, self._is_head = request_id.encode(), method == "HEAD"
+        self._received, self.cut = 0, False
         self.status: int | None = None
 
     def check_length(self, content_length: str) -> None:
@@ -146,6 +145,10 @@ class _Exchange:
             self.status = message["status"]
             headers = [*message.get("headers", ()), (b"x-request-id", self._request_id)]
             message = {**message, "headers": with_security_headers(headers)}
+        elif self.cut:
+            return
+        elif self._is_head:  # the server then reports a disconnect, which ends the work for what is not sent
+            self.cut, message = True, {"type": "http.response.body"}
         await self._send(message)
 
     def close(self) -> None:

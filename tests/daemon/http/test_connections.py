@@ -57,6 +57,16 @@ def resident_bytes() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
 
 
+@pytest.mark.parametrize("path", ["/events", "/live", "/camera/stream"])
+async def test_head_of_a_stream_ends_with_its_head_and_the_next_request_is_answered(bench: Bench, path: str) -> None:
+    async with connected(bench) as (reader, writer):
+        for asked in (f"HEAD {path}", "GET /health"):
+            writer.write(f"{asked} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+            head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), LIMIT_S)
+            assert head.startswith(b"HTTP/1.1 200 ")
+    assert bench.application.metrics.requests["HEAD", 200] == 1
+
+
 def test_no_answer_waits_for_the_client_to_acknowledge_its_first_half() -> None:
     with open_listener("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
         accepted, _ = listener.accept()
