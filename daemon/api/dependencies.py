@@ -106,9 +106,9 @@ def _in_utc(text: str) -> str:
     whole = text + "-01-01"[len(text) - 4 :] if len(text) in (4, 7) else text
     try:
         at = datetime.fromisoformat(whole.replace(" ", "+"))  # a plus that nobody has escaped
-    except ValueError:
+        return (at.astimezone(UTC) if at.tzinfo else at).replace(tzinfo=None).isoformat()
+    except (ValueError, OverflowError):  # OverflowError: an offset that leads out of the years 1 to 9999
         raise ValueError("not a date, or a date and time: write 2026-11-21, or 2026-11-21T09:00:00Z") from None
-    return (at.astimezone(UTC) if at.tzinfo else at).replace(tzinfo=None).isoformat()
 
 
 Moment = Annotated[

@@ -177,7 +177,7 @@ async def test_lists_are_filtered(bench: Bench) -> None:
     first = (await bench.client.get("/runs?kind=calibration&limit=1")).json()
     assert [run["id"] for run in first["runs"]] == ["c"]
     assert [run["id"] for run in (await bench.client.get(first["next"])).json()["runs"]] == ["a"]
-    for impossible in ("yesterday", "2026-13-45", "2026-02-30", "2026-11-21T25:00:00Z"):
+    for impossible in ("yesterday", "2026-13-45", "2026-02-30", "2026-11-21T25:00:00Z", "0001-01-01T00:00%2B05:00"):
         refused = await bench.client.get(f"/runs?since={impossible}")
         assert refused.status_code == 422 and "write 2026-11-21, or" in refused.json()["fix"], refused.text
     assert (await bench.client.get("/runs?kind=dance")).status_code == 422
