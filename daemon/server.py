@@ -217,7 +217,7 @@ class Server(uvicorn.Server):
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Like uvicorn's, then wait for the requests that it cancelled: their threads and files end with them."""
         await super().shutdown(sockets)
-        if cancelled := list(self.server_state.tasks):
+        if not self.force_exit and (cancelled := list(self.server_state.tasks)):
             await asyncio.wait(cancelled, timeout=GRACE_S)
 
     def _protocol(self, pending: PendingConnection) -> asyncio.BaseProtocol:

@@ -67,6 +67,17 @@ async def test_head_of_a_stream_ends_with_its_head_and_the_next_request_is_answe
     assert bench.application.metrics.requests["HEAD", 200] == 1
 
 
+async def test_a_second_interrupt_waits_for_no_request(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("daemon.server.GRACE_S", 2 * LIMIT_S)
+    async with connected(bench) as (reader, writer):
+        writer.write(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), LIMIT_S)
+        bench.server.force_exit = True
+        await asyncio.wait_for(bench.server.shutdown(), LIMIT_S)
+        assert bench.server.server_state.tasks
+        bench.server.force_exit = False
+
+
 def test_no_answer_waits_for_the_client_to_acknowledge_its_first_half() -> None:
     with open_listener("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
         accepted, _ = listener.accept()
