@@ -34,7 +34,7 @@ CONDITIONS: dict[str, str] = {
     "accepted": "accepted = ?",
     "name": "instr(lower(name), lower(?)) > 0",
 }
-"""Of queries, by the name of the parameter. Times are compared as text: ISO 8601 in UTC sorts by time, but for "Z"."""
+"""Of queries, by the name of the parameter. Times are compared as text: stored ones end in Z, given ones do not."""
 
 
 @dataclass(frozen=True)
