@@ -17,6 +17,7 @@ from calibration.solve import METHODS, solve_hand_eye
 from calibration.transforms import Array, transform
 from calibration.verdict import judge
 from tests.simulated.spoiled_sessions import cell, error_of, turned, with_corners, with_view
+from tests.support.cases import crossed
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -60,8 +61,7 @@ def silent(capfd: pytest.CaptureFixture[str]) -> Iterator[None]:
     assert capfd.readouterr().err == ""
 
 
-@pytest.mark.parametrize("what", BAD_CORNERS)
-@pytest.mark.parametrize("camera_given", [True, False])
+@pytest.mark.parametrize(("what", "camera_given"), crossed(BAD_CORNERS, [True, False]))
 def test_a_view_that_cannot_be_used_is_rejected_with_its_reason(what: str, camera_given: bool) -> None:
     spoil, reason = BAD_CORNERS[what]
     truth = cell(9, 8, camera_given=camera_given)

@@ -21,7 +21,7 @@ from calibration.verdict import judge
 from tests.simulated.described_wrongly import LOW, Wrong, wrong_session
 from tests.simulated.sessions import CellNoise, random_cell
 from tests.simulated.spoiled_sessions import QUIET, cell, error_of
-from tests.support.cases import seeds
+from tests.support.cases import crossed, seeds
 
 SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
 SHARP = CellNoise(0.1, float(np.radians(0.002)), 0.02)
@@ -40,8 +40,7 @@ def test_without_noise_the_truth_comes_back(setup: Setup, camera_given: bool) ->
     assert np.allclose(solution.anchor_T_target, truth.anchor_T_target, atol=0.02)
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize(("method", "setup"), crossed(METHODS, SETUPS))
 def test_every_method_solves_both_setups(method: str, setup: Setup) -> None:
     truth = cell(2, 8, setup=setup)
     solution = solve_hand_eye(truth.problem, method)

@@ -2,9 +2,10 @@
 
 import os
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib.util import find_spec
-from typing import TypeVar
+from itertools import product
+from typing import Any, TypeVar
 
 Case = TypeVar("Case")
 
@@ -22,6 +23,17 @@ def by_night() -> bool:
 def seeds(count: int, every: int = 3) -> range:
     """The seeds of a statistic: every third, or another share, of 0 to `count` - 1, by night all of them."""
     return range(0, count, 1 if by_night() else every)
+
+
+def crossed(*axes: Iterable[Any]) -> list[tuple[Any, ...]]:
+    """The cases of parameters that are independent: each value beside those of the others in turn, by night beside all.
+
+    Two of as many values go in step.
+    """
+    values = [[*axis] for axis in axes]
+    if by_night():
+        return [*product(*values)]
+    return [tuple(axis[number % len(axis)] for axis in values) for number in range(max(map(len, values)))]
 
 
 def long_enough_s(normal: float = 120.0) -> float:

@@ -10,6 +10,7 @@ from calibration.problem import Problem
 from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
 from daemon.sessions.session_reader import load_problem, open_session
+from tests.support.cases import crossed
 from tests.support.computed_once import ComputedOnce
 
 pytestmark = [pytest.mark.data, pytest.mark.slow]
@@ -23,7 +24,7 @@ CODES = {
     "rotvec_as_euler": "vector-read-as-euler",
 }
 SESSIONS = {
-    **{f"rc_{cell}_{what}": code for cell in ("ic_charuco", "ic_circles") for what, code in CODES.items()},
+    **{f"rc_{cell}_{what}": CODES[what] for what, cell in crossed(CODES, ("ic_charuco", "ic_circles"))},
     "rotvecAsEuler": "vector-read-as-euler",
     "lexi": "poses-in-lexical-order",
     "shift8": "poses-shifted",

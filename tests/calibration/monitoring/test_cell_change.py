@@ -5,6 +5,7 @@ import pytest
 
 from calibration.kinematics.abb_arms import find_arm
 from tests.simulated.changed_cells import Change, changes_of
+from tests.support.cases import seeds
 
 ARM = find_arm("IRB 2600-20/1.65")
 
@@ -17,7 +18,7 @@ TABLE = [
 
 
 @pytest.mark.parametrize(("change", "cause", "axis"), TABLE, ids=str)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", seeds(3))
 def test_what_changed_is_the_likeliest(change: Change, cause: str, axis: int | None, seed: int) -> None:
     found = changes_of(ARM, change, seed)
     assert (found[0].cause, found[0].axis) == (cause, axis), found[:3]

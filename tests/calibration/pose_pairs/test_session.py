@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from calibration.diagnosis.convention_hypotheses import change_quaternion_order
 from calibration.kinematics.conventions import euler_numbers, rotation_from_euler
 from calibration.knowledge import CameraSource, Knowledge
 from calibration.likelihood.mapped_points import point_sigmas_mm, scale_variance_mm2
-from calibration.problem import MeasuredPoints, MeasuredPose, Problem, Setup
+from calibration.problem import MeasuredPoints, MeasuredPose, Setup
 from calibration.solution import Solution
 from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, map_points, transform, vector_from_rotation
@@ -24,10 +25,9 @@ from tests.simulated.measured_sessions import (
     with_robot_poses,
 )
 from tests.simulated.sessions import BOARD
-from tests.support.cases import by_night, seeds
+from tests.support.cases import by_night, crossed, seeds
 
 SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
-QUICK_AND_SLOW_SETUPS = ("eye-in-hand", pytest.param("eye-to-hand", marks=pytest.mark.slow))
 CAMERA_SOURCES: tuple[CameraSource, ...] = ("this-session", "file", "nominal")
 MEASURES = {"poses": tracker(), "poses with covariance": tracker(known=True), "points": points()}
 
@@ -117,11 +117,9 @@ def test_a_few_views_and_lengths_a_little_off_are_not_taken_for_drift(views: int
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("setup", SETUPS)
-@pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
-@pytest.mark.parametrize("views", [6, 24, *[12] * by_night()])
-def test_errors_have_the_size_that_is_claimed(measure: Measure, setup: Setup, views: int) -> None:
-    squares = []
+@pytest.mark.parametrize(("measured", "of"), crossed(MEASURES, product([6, 24, *[12] * by_night()], SETUPS)), ids=repr)
+def test_errors_have_the_size_that_is_claimed(measured: str, of: tuple[int, Setup]) -> None:
+    measure, (views, setup), squares = MEASURES[measured], of, []
     for seed in seeds(20):
         cell = measured_cell(np.random.default_rng([7, seed]), views, measure, setup=setup)
         solution = solve_hand_eye(cell.problem)
@@ -172,14 +170,9 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("setup", QUICK_AND_SLOW_SETUPS)
-@pytest.mark.parametrize(("where", "change", "code"), MISTAKES.values(), ids=MISTAKES)
-def test_a_mistake_is_named_and_refused(
-    where: Callable[[Problem, Callable[[Array], Array]], Problem],
-    change: Callable[[Array], Array],
-    code: str,
-    setup: Setup,
-) -> None:
+@pytest.mark.parametrize(("mistake", "setup"), crossed(MISTAKES, SETUPS))
+def test_a_mistake_is_named_and_refused(mistake: str, setup: Setup) -> None:
+    where, change, code = MISTAKES[mistake]
     problem = where(measured_cell(np.random.default_rng(3), 14, tracker(), setup=setup).problem, change)
     solution = solve_hand_eye(problem)
     assert code in codes(solution), solution.findings

@@ -25,7 +25,7 @@ from tests.simulated.described_wrongly import (
 )
 from tests.simulated.faults import SETUPS
 from tests.simulated.sessions import CellNoise
-from tests.support.cases import seeds
+from tests.support.cases import crossed, seeds
 
 
 def error_over_u(session: WrongSession, solution: Solution) -> float:
@@ -37,8 +37,7 @@ def error_over_u(session: WrongSession, solution: Solution) -> float:
     return float(np.linalg.norm(off, axis=1).max() / solution.uncertainty.worst_point.expanded_mm)
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize(("fault", "setup"), crossed(FAULTS, SETUPS))
 def test_x_is_right_within_its_uncertainty_at_the_default_number_of_views(fault: str, setup: Setup) -> None:
     tried = ((3, LOW), (4, LOW), (4, HIGH), (5, HIGH))
     for seed in seeds(len(tried)):

@@ -14,6 +14,7 @@ from extensions.arm_identification.mathematics.identification import identify_ar
 from mock_robot.arm.built_arm import BuiltArm
 from tests.simulated.arms import MOUNT_T_CAMERA, arm_cell, reachable_views, target_places
 from tests.simulated.other_arms import FAMILIES, build_other_arm
+from tests.support.cases import crossed
 
 ARM = find_arm("IRB 2600-20/1.65")
 SAME = np.eye(4)
@@ -47,18 +48,18 @@ def of_two(built: BuiltArm, other: BuiltArm, seed: int, camera_moved_by: Array) 
     return [*first, *last]
 
 
-@pytest.mark.parametrize("family", FAMILIES)
-@pytest.mark.parametrize(
-    ("case", "kind", "words"),
-    [
-        ("target", "target-or-base-moved", "moved before picture (10|11|12) of session 1"),
-        ("base", "target-or-base-moved", "moved before picture (10|11|12) of session 1"),
-        ("camera in a session", "camera-moved", "the camera moved before picture (10|11|12) of session 1"),
-        ("arm", "other-arm", "session 3 is of another arm"),
-        ("camera", "camera-remounted", "the camera sits elsewhere in session 3"),
-    ],
-)
-def test_what_does_not_belong_together_is_named(family: str, case: str, kind: str, words: str) -> None:
+CASES = [
+    ("target", "target-or-base-moved", "moved before picture (10|11|12) of session 1"),
+    ("base", "target-or-base-moved", "moved before picture (10|11|12) of session 1"),
+    ("camera in a session", "camera-moved", "the camera moved before picture (10|11|12) of session 1"),
+    ("arm", "other-arm", "session 3 is of another arm"),
+    ("camera", "camera-remounted", "the camera sits elsewhere in session 3"),
+]
+
+
+@pytest.mark.parametrize(("case", "family"), crossed(CASES, FAMILIES))
+def test_what_does_not_belong_together_is_named(case: tuple[str, str, str], family: str) -> None:
+    changed, kind, words = case
     built, other = build_other_arm(ARM, family, 0), build_other_arm(ARM, family, 1)
     problems = {
         "target": lambda: moved_half_way(built, 0, MOVED_BY),
@@ -66,7 +67,7 @@ def test_what_does_not_belong_together_is_named(family: str, case: str, kind: st
         "camera in a session": lambda: moved_half_way(built, 0, SAME, MOVED_BY),
         "arm": lambda: of_two(built, other, 0, SAME),
         "camera": lambda: of_two(built, built, 0, MOVED_BY),
-    }[case]()
+    }[changed]()
     with pytest.raises(SessionsContradict, match=words) as raised:
         identify_arm_session(ARM, problems)
     assert raised.value.found.kind == kind

@@ -50,10 +50,15 @@ def longer_arm() -> tuple[ArmCell, tuple[Problem, ...], KnownDistance]:
     return cell, problems, KnownDistance(1, 2, bar_mm, BAR_SIGMA_MM)
 
 
+@cache
+def other_postures() -> Postures:
+    return Postures(reachable_views(np.random.default_rng(9), ARM, TARGETS[0], 30))
+
+
 def scale_of(parameters: Array) -> float:
     """Of the flange's paths between postures, by the arm with these errors, to the true one; less 1."""
     cell, _, _ = longer_arm()
-    joints = Postures(reachable_views(np.random.default_rng(9), ARM, TARGETS[0], 30))
+    joints = other_postures()
     places = (cell.built.model.forward(parameters, joints), cell.built.base_T_flange(joints))
     found, true = (one[:, :3, 3] - one[:, :3, 3].mean(axis=0) for one in places)
     return float(np.sum(found * true) / np.sum(true**2)) - 1
