@@ -12,6 +12,7 @@ import pytest
 from daemon.errors import StorageFull
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
+from daemon.runs.run_modules import load_run_modules
 from daemon.runtime.durable_files import write_durably
 from daemon.sessions.session_reader import load_problem, open_session
 from daemon.store.store import Store
@@ -89,6 +90,7 @@ async def test_a_second_calibrate_learns_who_holds_the_cell(tmp_path: Path) -> N
 async def test_a_device_that_never_answers_ends_the_run_though_its_driver_has_no_limit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hangs: str
 ) -> None:
+    load_run_modules()  # which takes the first run of a process longer than a second where the machine is busy
     monkeypatch.setattr("daemon.runs.supervisor.MAX_STEP_S", 1.0)
     parts = Parts()
     never = asyncio.Event()
