@@ -22,7 +22,7 @@ MAX_UNITS = {"calibration": 24, "daemon": 22, "mock_robot": 14, "registration": 
 MAX_WEIGHTS = {
     "lines of Python of the core": 91_782,
     "lines of Python with the extensions": 98_323,
-    "lines of Python of the core that the service imports": 65_001,
+    "lines of Python of the core that the service imports": 65_018,
     "lines of Python of the gateways": 1_322,
     "files of the fullest folder": 43,
     "private functions used once": 670,

@@ -34,8 +34,7 @@ def needs_diagnosis(evidence: Evidence, fitted: Fit) -> bool:
 
 def is_unusual(fitted: Fit) -> bool:
     """Whether robot and images disagree by more than is usual."""
-    noise, most = fitted.robot_noise, MAX_USUAL_NOISE
-    return noise.translation_mm > most.translation_mm or noise.rotation_rad > most.rotation_rad
+    return not fitted.robot_noise.is_within(MAX_USUAL_NOISE)
 
 
 def _gains(evidence: Evidence, fitted: Fit) -> Iterator[tuple[float, float]]:

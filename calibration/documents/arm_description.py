@@ -188,21 +188,3 @@ def _of_table(content: bytes, origin: str) -> tuple[JointChain, Array]:
 
 def _slowest() -> tuple[float, ...]:
     return tuple(float(np.radians(float(speed))) for speed in SLOWEST.split())
-
-
-def write_arm_row(arm: Arm) -> str:
-    """The line of an arm, which `read_arm_row` reads; lengths to 0.0001 mm, angles to 0.0001 deg."""
-    lengths = (
-        arm.shoulder_forward_mm, arm.shoulder_height_mm, arm.lower_arm_mm, arm.elbow_up_mm, arm.forearm_mm,
-        arm.flange_mm, *([arm.wrist_offset_mm] if arm.wrist_offset_mm else []),
-    )  # fmt: skip
-    limits = [
-        _number(high) if low == -high else f"{_number(low)}/{_number(high)}"
-        for low, high in np.degrees([arm.lower_rad, arm.upper_rad]).round(4).T.tolist()
-    ]
-    speeds = [_number(speed) for speed in np.degrees(arm.speed_rad_s).round(4).tolist()]
-    return f"{arm.name} | {' '.join(map(_number, lengths))} | {' '.join(limits)} | {' '.join(speeds)}"
-
-
-def _number(value: float) -> str:
-    return f"{round(value, 4) + 0.0:.10g}"

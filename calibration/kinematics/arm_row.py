@@ -61,6 +61,24 @@ def with_wrist_offset(arm: Arm, offset_mm: float) -> Arm:
     return arm if offset_mm == 0 else OffsetWristArm(**lengths_and_limits, wrist_offset_mm=offset_mm)
 
 
+def write_arm_row(arm: Arm) -> str:
+    """The line of an arm, which `read_arm_row` reads; lengths to 0.0001 mm, angles to 0.0001 deg."""
+    lengths = (
+        arm.shoulder_forward_mm, arm.shoulder_height_mm, arm.lower_arm_mm, arm.elbow_up_mm, arm.forearm_mm,
+        arm.flange_mm, *([arm.wrist_offset_mm] if arm.wrist_offset_mm else []),
+    )  # fmt: skip
+    limits = [
+        _number(high) if low == -high else f"{_number(low)}/{_number(high)}"
+        for low, high in np.degrees([arm.lower_rad, arm.upper_rad]).round(4).T.tolist()
+    ]
+    speeds = [_number(speed) for speed in np.degrees(arm.speed_rad_s).round(4).tolist()]
+    return f"{arm.name} | {' '.join(map(_number, lengths))} | {' '.join(limits)} | {' '.join(speeds)}"
+
+
+def _number(value: float) -> str:
+    return f"{round(value, 4) + 0.0:.10g}"
+
+
 def _range(name: str, limit: str) -> tuple[float, float]:
     """Lower and upper limit: `170` means ± 170, `-75/125` from -75 to 125."""
     try:

@@ -45,7 +45,8 @@ def arms(
 
 
 def _describe(file: Path, tip: str | None, name: str, *, json: bool) -> None:
-    from calibration.documents.arm_description import read_arm_description, write_arm_row
+    from calibration.documents.arm_description import read_arm_description
+    from calibration.kinematics.arm_row import write_arm_row
     from daemon.runtime.bounded_read import read_document
 
     arm = read_arm_description(read_document(file), file.name, name=name.replace("|", " "), tip=tip)

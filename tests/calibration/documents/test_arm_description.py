@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.documents.arm_description import read_arm_description, write_arm_row
+from calibration.documents.arm_description import read_arm_description
 from calibration.errors import CalibrationError, GeometryError
 from calibration.kinematics.abb_arms import ARMS, find_arm
 from calibration.kinematics.arm import Arm
-from calibration.kinematics.arm_row import read_arm_row
+from calibration.kinematics.arm_row import read_arm_row, write_arm_row
 from tests.calibration.kinematics.link_chain import DIFFERENT
 
 HEADER = "a_mm,alpha_deg,d_mm,theta_deg,lower_deg,upper_deg"
