@@ -193,7 +193,7 @@ async def test_what_is_not_there_is_reported(bench: Bench) -> None:
         assert (problem["status"], problem["code"]) == (status, code), path
 
 
-@pytest.mark.parametrize("path", ["/health", "/", "/runs", "/calibrations/current"])
+@pytest.mark.parametrize("path", ["/openapi.json", "/", "/runs", "/calibrations/current"])
 async def test_head_is_answered_as_get_without_the_body(bench: Bench, path: str) -> None:
     whole, head = await bench.client.get(path), await bench.client.head(path)
     assert (head.status_code, head.content) == (whole.status_code, b"")

@@ -8,7 +8,7 @@ import struct
 import sys
 import threading
 from collections.abc import AsyncIterator, Callable, Iterable
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -39,7 +39,9 @@ async def connected(bench: Bench) -> AsyncIterator[Ends]:
     try:
         yield reader, writer
     finally:
-        writer.close()
+        writer.transport.abort()  # not close, which first waits until what was written is sent
+        with suppress(OSError):
+            await writer.wait_closed()
 
 
 async def told(reader: asyncio.StreamReader, within_s: float = LIMIT_S) -> dict[str, Any]:

@@ -33,7 +33,9 @@ async def half_sent(bench: Bench, content: bytes) -> AsyncIterator[Ends]:
     try:
         yield reader, writer
     finally:
-        writer.close()
+        writer.transport.abort()  # not close, which first waits until what was written is sent
+        with suppress(OSError):
+            await writer.wait_closed()
 
 
 async def moved_points(reader: asyncio.StreamReader) -> np.ndarray:
