@@ -24,8 +24,6 @@ from calibration.documents.validation import validate_document, validate_json
 from calibration.errors import DocumentError, UndeterminedError
 from calibration.kinematics.conventions import Frame
 from calibration.kinematics.stance import Stance
-from calibration.likelihood.predicted_uncertainty import predict
-from calibration.planning.plan import plan_poses
 from calibration.pose_pairs.point_pairs import judge_point_pairs, solve_point_pairs
 from calibration.problem import Detection, MeasuredPose, Problem, Setup, View
 from calibration.solve import poses_at_zero, solve_hand_eye
@@ -232,8 +230,7 @@ def plan(question: dict[str, Any]) -> PlannedDocument:
 
     `[pose.base_T_flange.transform() for pose in answer.poses]` are the poses. Raises DocumentError.
     """
-    asked = validate_json(PlanDocument, question, "plan")
-    return PlannedDocument.of(plan_poses(asked.scene(), asked.limits.limits(), asked.poses))
+    return validate_json(PlanDocument, question, "plan").choose_poses()
 
 
 def assess(question: dict[str, Any], base_T_flange: ArrayLike) -> PredictedDocument:
@@ -241,8 +238,7 @@ def assess(question: dict[str, Any], base_T_flange: ArrayLike) -> PredictedDocum
 
     Its `point_mm` is None where the poses do not determine X. Raises DocumentError.
     """
-    asked = validate_json(PlanDocument, question, "assess")
-    return PredictedDocument.of(predict(asked.scene(), np.asarray(base_T_flange, float)))
+    return validate_json(PlanDocument, question, "assess").assess(np.asarray(base_T_flange, float))
 
 
 def register(

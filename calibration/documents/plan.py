@@ -12,11 +12,13 @@ from calibration.documents.requirement import PointsDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
-from calibration.likelihood.predicted_uncertainty import Scene
+from calibration.likelihood.predicted_uncertainty import Scene, predict
 from calibration.planning.line_of_sight import LineOfSight
-from calibration.planning.plan import Plan
+from calibration.planning.plan import plan_poses
+from calibration.planning.viewpoint_selection import Reachable
 from calibration.problem import ANCHORS, MOUNTS, Setup
 from calibration.solution import Uncertainty
+from calibration.transforms import Array
 
 
 class PlanDocument(Document):
@@ -90,6 +92,22 @@ class PlanDocument(Document):
         scene = self.scene()
         return LineOfSight.of(scene.setup, scene.target, scene.mount_T_camera, scene.anchor_T_target)
 
+    def choose_poses(self, reachable: Reachable | None = None) -> "PlannedDocument":
+        """The poses that determine X best, and how well they will. `reachable`: which of them the arm can take.
+
+        Raises PlanningError.
+        """
+        plan = plan_poses(self.scene(), self.limits.limits(), self.poses, reachable=reachable)
+        poses = [
+            PlannedPoseDocument(base_T_flange=PoseDocument.of(pose), target_in_view=float(share))
+            for pose, share in zip(plan.base_T_flange, plan.target_in_view, strict=True)
+        ]
+        return PlannedDocument(poses=poses, predicted=_describe(plan.predicted))
+
+    def assess(self, base_T_flange: Array) -> "PredictedDocument":
+        """How well poses (n, 4, 4) will determine X."""
+        return _describe(predict(self.scene(), base_T_flange))
+
 
 class PredictedDocument(Document):
     """One standard deviation of X, and U; null where the poses do not determine it."""
@@ -105,17 +123,17 @@ class PredictedDocument(Document):
     rotation_deg: Vector | None
     """One standard deviation of X's rotation about its axes, degrees."""
 
-    @classmethod
-    def of(cls, prediction: Uncertainty) -> "PredictedDocument":
-        if not np.isfinite(prediction.point_mm):
-            return cls(point_mm=None, translation_mm=None, rotation_deg=None)
-        x, y, z = prediction.translation_mm.tolist()
-        a, b, c = np.rad2deg(prediction.rotation_rad).tolist()
-        worst = prediction.worst_point
-        return cls(
-            point_mm=prediction.point_mm, expanded_mm=worst.expanded_mm, worst_point=worst.name,
-            translation_mm=(x, y, z), rotation_deg=(a, b, c),
-        )  # fmt: skip
+
+def _describe(prediction: Uncertainty) -> PredictedDocument:
+    if not np.isfinite(prediction.point_mm):
+        return PredictedDocument(point_mm=None, translation_mm=None, rotation_deg=None)
+    x, y, z = prediction.translation_mm.tolist()
+    a, b, c = np.rad2deg(prediction.rotation_rad).tolist()
+    worst = prediction.worst_point
+    return PredictedDocument(
+        point_mm=prediction.point_mm, expanded_mm=worst.expanded_mm, worst_point=worst.name,
+        translation_mm=(x, y, z), rotation_deg=(a, b, c),
+    )  # fmt: skip
 
 
 class PlannedPoseDocument(Document):
@@ -136,14 +154,6 @@ class PlannedDocument(Document):
     """The poses to take, in their order."""
     predicted: PredictedDocument
     """What these poses will tell of X."""
-
-    @classmethod
-    def of(cls, plan: Plan) -> "PlannedDocument":
-        poses = [
-            PlannedPoseDocument(base_T_flange=PoseDocument.of(pose), target_in_view=float(share))
-            for pose, share in zip(plan.base_T_flange, plan.target_in_view, strict=True)
-        ]
-        return cls(poses=poses, predicted=PredictedDocument.of(plan.predicted))
 
 
 class AssessedDocument(Document):

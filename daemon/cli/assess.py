@@ -20,15 +20,13 @@ def assess(
     """
     import numpy as np
 
-    from calibration.documents.plan import AssessedDocument, PredictedDocument
+    from calibration.documents.plan import AssessedDocument
     from calibration.errors import DocumentError
-    from calibration.likelihood.predicted_uncertainty import predict
 
     question = read_plan(file)
     if not question.views:
         raise DocumentError.one(str(file), "views", "missing", "add the poses to assess")
-    poses = np.stack([view.transform() for view in question.views])
-    predicted = PredictedDocument.of(predict(question.scene(), poses))
+    predicted = question.assess(np.stack([view.transform() for view in question.views]))
     typer.echo(AssessedDocument(predicted=predicted).model_dump_json() if json else prediction_text(predicted))
     if predicted.point_mm is None:
         raise typer.Exit(ExitStatus.NOT_ACCEPTED)

@@ -17,14 +17,11 @@ def plan(
     json: Json = False,
 ) -> None:
     """Choose the robot poses that determine the calibration best, within limits and reach."""
-    from calibration.documents.plan import PlannedDocument
-    from calibration.planning.plan import plan_poses
     from calibration.planning.reachability import reachable_by
 
     question = read_plan(file)
     reachable = None if question.robot is None else reachable_by(_arm(question.robot, file), sight=question.sight())
-    chosen = plan_poses(question.scene(), question.limits.limits(), question.poses, reachable=reachable)
-    answer = PlannedDocument.of(chosen)
+    answer = question.choose_poses(reachable)
     typer.echo(answer.model_dump_json() if json else _text(answer))
 
 
