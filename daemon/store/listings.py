@@ -5,7 +5,7 @@ Read over a connection of its own, so that a long list keeps no run waiting for 
 
 import sqlite3
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Any, Generic, TypeVar
 from urllib.parse import urlencode
@@ -39,30 +39,29 @@ CONDITIONS: dict[str, str] = {
 
 @dataclass(frozen=True)
 class PageFilters:
-    """The filters that were given, by their names in CONDITIONS."""
+    """Filters by their names in CONDITIONS; those that are None are not given."""
 
-    given: tuple[tuple[str, str | int], ...] = ()
+    filters: Mapping[str, str | bool | None] = field(default_factory=dict)
 
-    @classmethod
-    def of(cls, filters: Mapping[str, str | bool | None]) -> "PageFilters":
-        """Those that are not None; a truth value is stored as 0 or 1."""
-        given = {name: value for name, value in filters.items() if value is not None}
-        return cls(tuple((name, int(value) if isinstance(value, bool) else value) for name, value in given.items()))
+    @property
+    def given(self) -> dict[str, str | bool]:
+        """Those that are given; SQLite holds a truth value as 0 or 1."""
+        return {name: value for name, value in self.filters.items() if value is not None}
 
     @property
     def conditions(self) -> list[str]:
         """SQL, with a place for each of `values`."""
-        return [CONDITIONS[name] for name, _ in self.given]
+        return [CONDITIONS[name] for name in self.given]
 
     @property
     def values(self) -> list[str | int]:
         """The values of `conditions`, in the same order."""
-        return [value for _, value in self.given]
+        return list(self.given.values())
 
     @property
     def query(self) -> str:
         """The same as part of a URL's query, for the link to the next page: "&kind=verify", or empty."""
-        words = {name: ("true" if value else "false") if name == "accepted" else value for name, value in self.given}
+        words = {name: str(value).lower() if isinstance(value, bool) else value for name, value in self.given.items()}
         return f"&{urlencode(words)}" if words else ""
 
 

@@ -143,7 +143,7 @@ async def _status(app: Application, camera: CellCamera) -> CalibrateStatus:
         on_flange = record.document.flange_T_camera or record.document.flange_T_target
     ready = (await readiness(app, camera)).calibrate
     running = app.supervisor.in_progress
-    calibrations = PageFilters.of({"kind": "calibration"})
+    calibrations = PageFilters({"kind": "calibration"})
     listed, _ = split_damaged(await app.supervisor.listings(2, None, calibrations))  # one may be in progress
     ended = next((run.id for run in listed if run.is_over), None)
     last = None if ended is None else await app.supervisor.run(ended)

@@ -93,7 +93,7 @@ FieldBox = Annotated[str | None, Query(pattern=BOX_PATTERN, max_length=100, desc
 @router.get("", response_model=CalibrationList)
 async def calibrations(app: App, limit: Limit = 50, before: Before = None, accepted: bool | None = None) -> Response:
     """The calibrations, newest first, and the latest applied ones; with `accepted` those of that verdict only."""
-    filters = PageFilters.of({"accepted": accepted})
+    filters = PageFilters({"accepted": accepted})
     found = await app.store.listings.calibrations(limit + 1, before, filters)
     history = await app.store.history(limit)
     current = frozenset({row.camera: row.calibration_id for row in reversed(history)}.values())

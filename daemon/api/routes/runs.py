@@ -60,7 +60,7 @@ async def runs(
     until: Moment = None,
 ) -> Response:
     """The newest first; with filters those that match all of them. `since` is included, `until` is not."""
-    filters = PageFilters.of({"kind": kind, "state": state, "since": since, "until": until})
+    filters = PageFilters({"kind": kind, "state": state, "since": since, "until": until})
     found = await app.supervisor.listings(limit + 1, before, filters)
     return await respond_rows(app, found, limit, "/runs", RunDocument.of, filters)
 

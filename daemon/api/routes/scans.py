@@ -73,7 +73,7 @@ BODY_REFUSALS = (400, 403, 404, 409, 413, 415, 500, 502, 503, 504, 507)
 @router.get("", response_model=ScanList)
 async def scans(app: App, limit: Limit = 50, before: Before = None, name: NamePart = None) -> Response:
     """The newest first; with `name` those whose name has that in it, in either case."""
-    filters = PageFilters.of({"name": name})
+    filters = PageFilters({"name": name})
     found = await app.store.listings.scans(limit + 1, before, filters)
     return await respond_rows(app, found, limit, "/scans", lambda row: ScanDocument.of(row.scan, row.views), filters)
 
