@@ -95,7 +95,7 @@ def build(
         arm,
         lambda: supervisor.in_progress is not None,
     )
-    rules = MotionRules.of(robot)
+    rules = MotionRules(robot)
     sensors = next((extension.sensors for extension in extensions if extension.sensors), no_further_sensors)
     operations = Operations(
         settings, cell, store, supervisor, workers, scans, rules, clock, service_workers, merge_workers,

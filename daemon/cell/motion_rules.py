@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -43,23 +44,25 @@ SEVEN_GOALS_ONLY = (
 class MotionRules:
     """The checks before each move; the controller makes its own as well.
 
-    Of a known arm the whole path of the flange is checked, of another one the goal only. `seven`: an arm with seven
-    axes, whose paths are not computed; `arm` is None then.
+    Of a known arm the whole path of the flange is checked, of another one the goal only.
     """
 
     robot: RobotSettings
-    arm: Arm | None
-    seven: SevenAxisArm | None = None
 
-    @classmethod
-    def of(cls, robot: RobotSettings) -> "MotionRules":
-        found = find_any_arm(robot.model) if robot.model else None
-        return cls(robot, None, found) if isinstance(found, SevenAxisArm) else cls(robot, found)
-
-    @property
+    @cached_property
     def model(self) -> AnyArm | None:
         """The known arm, with six axes or seven."""
-        return self.arm or self.seven
+        return find_any_arm(self.robot.model) if self.robot.model else None
+
+    @property
+    def seven(self) -> SevenAxisArm | None:
+        """The known arm where it has seven axes: its paths are not computed."""
+        return self.model if isinstance(self.model, SevenAxisArm) else None
+
+    @property
+    def arm(self) -> Arm | None:
+        """The known arm where it has six axes."""
+        return None if isinstance(self.model, SevenAxisArm) else self.model
 
     def check_poses(self, poses: tuple[TaughtPose, ...], joints_now_rad: Array | None) -> None:
         """Check all poses and, for a known arm, where it stands and every move from one pose to the next.

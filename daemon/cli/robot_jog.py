@@ -61,7 +61,7 @@ async def _jog(settings: "Settings", request: "JogRequest", *, yes: bool) -> Non
     from daemon.runs.jog import Jog, result_of
 
     async with _open_cell(settings) as cell:
-        act = Jog(cell, MotionRules.of(settings.robot), request)
+        act = Jog(cell, MotionRules(settings.robot), request)
         shown = _text_of(await act.goal())
         if not (yes or typer.confirm(f"Move {shown}?", default=False, err=True)):
             raise CommandError(settings.robot.address, "nothing moved", "consent to it, or give --yes")

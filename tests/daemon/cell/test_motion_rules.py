@@ -33,7 +33,7 @@ def turned(angle_deg: float, outwards_mm: float = 0.0) -> TaughtPose:
 def rules_with(x_mm: float, model: str | None = ARM.name, **others: Any) -> MotionRules:
     """A box around the arm that ends at `x_mm` in front of it."""
     box = ((-2000.0, -2000.0, 0.0), (x_mm, 2000.0, 2500.0))
-    return MotionRules.of(RobotSettings(address="tcp://robot:1", model=model, box_mm=box, **others))
+    return MotionRules(RobotSettings(address="tcp://robot:1", model=model, box_mm=box, **others))
 
 
 @dataclass
@@ -101,7 +101,7 @@ async def test_a_taught_configuration_is_judged_by_its_own_way() -> None:
 
     def rules_of(low: Array, high: Array) -> MotionRules:
         box = (tuple(map(float, low)), tuple(map(float, high)))
-        return MotionRules.of(RobotSettings(address="tcp://robot:1", model=ARM.name, box_mm=box))  # type: ignore[arg-type]
+        return MotionRules(RobotSettings(address="tcp://robot:1", model=ARM.name, box_mm=box))  # type: ignore[arg-type]
 
     assert (await rules_of(low, high).goal(1, pose, robot)).posture == ARM.configuration(over)
     tight_low, tight_high = np.minimum(FLANGE_MM, FLANGE_MM) - 20, FLANGE_MM + 20

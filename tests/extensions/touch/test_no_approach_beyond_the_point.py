@@ -78,7 +78,7 @@ class Drawn:
         robot = FakeRobot(base_T_flange=self.base_T_flange.copy())
         devices, still = Devices(robot, FakeCamera(robot), None), SettlingSettings(gap_s=0.0, limit_s=0.5)
         wide = {"address": "tcp://robot:1", "box_mm": [[-9e3] * 3, [9e3] * 3], "carried_mm": self.carried_mm}
-        rules = MotionRules.of(RobotSettings.model_validate(wide))
+        rules = MotionRules(RobotSettings.model_validate(wide))
         x = {"flange_T_camera": PoseDocument.of(transform(np.eye(3), self.camera_mm))}
         given = CalibrationInUse(a_calibration("cal-1").model_copy(update=x))
         point = PointToTouch(Sighting(self.point_mm, self.sights), self.tip_mm, given)
