@@ -26,13 +26,13 @@ from daemon.api.negotiation import choose_picture_type, or_text
 from daemon.api.problems import problem_responses
 from daemon.api.routes.cell import PICTURES, stored_picture
 from daemon.api.run_answers import answer_run, answer_started
+from daemon.api.run_views import run_views
 from daemon.api.schemas.runs import RunDocument, RunList, RunViewsDocument
 from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.model.records import RunKind, RunRecord
 from daemon.model.requests import HoldRequest, JogRequest
 from daemon.model.run_states import RunState
-from daemon.runs.run_views import run_views
 from daemon.sessions.session_files import SESSION_FILE
 from daemon.store.listings import PageFilters
 
@@ -144,8 +144,7 @@ async def views(app: App, run_id: Identifier) -> Response:
         raise NotFound(Sentence("no-views-of-run", run=found.id), Sentence("look-at-other-run"))
 
     def as_json() -> bytes:
-        known = run_views(folder, calibration, arm, own=own)
-        return RunViewsDocument.of(found.id, calibration_id, known, arm).model_dump_json().encode()
+        return run_views(found.id, folder, calibration, arm, own=own).model_dump_json().encode()
 
     return await respond_page(app, as_json)
 

@@ -114,10 +114,7 @@ class MissingDocument(Answer):
     params: dict[str, JsonValue]
 
     @classmethod
-    def of(cls, missing: tuple[str, str] | None) -> "MissingDocument | None":
-        if missing is None:
-            return None
-        code, what = missing
+    def of(cls, code: str, what: str) -> "MissingDocument":
         return cls(code=code, what=str(what), **as_sentence(what).pair())
 
 
@@ -148,7 +145,7 @@ class LookDocument(Answer):
         return cls(
             taken_at=look.taken_at, size=look.size, of=look.of,
             corners=[(point, round(u, 2), round(v, 2)) for point, (u, v) in rows],
-            missing=MissingDocument.of(look.missing),
+            missing=None if look.missing is None else MissingDocument.of(*look.missing),
             sharpness=round(quality.sharpness, 4), saturated=round(quality.saturated, 4), fill=round(quality.fill, 4),
             bits=None if capture is None else capture.bits,
             exposure_us=None if capture is None else capture.exposure_us,

@@ -10,8 +10,8 @@ import pytest
 
 from calibration.kinematics.abb_arms import find_arm
 from calibration.monitoring.view_residuals import root_mean_square
+from daemon.api.run_views import joints_in_posture
 from daemon.cell.skeleton import skeleton_mm
-from daemon.runs.run_views import joints_in_posture
 from drivers.interfaces import CaptureSettings
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.fakes import BOARD, Gate

@@ -1,105 +1,90 @@
 """The views of a run for a screen: what was found in each picture, and how the run's calibration fits it."""
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.documents.calibration import CalibrationDocument, CorrectionDocument, ViewResultDocument
-from calibration.documents.session import ViewDocument
 from calibration.kinematics.arm import Arm, UnreachablePoseError
+from calibration.kinematics.stance import Stance
 from calibration.monitoring.view_residuals import predict_pixels, root_mean_square
 from calibration.targets import Target, outline_mm
 from calibration.transforms import Array
+from daemon.api.schemas.cell import MissingDocument
+from daemon.api.schemas.runs import Corner, RunViewDocument, RunViewsDocument
+from daemon.cell.skeleton import skeleton_mm
 from daemon.sessions.detections import DetectionDocument, read_detections
 from daemon.sessions.session_reader import open_session
 
-Corner = tuple[int, float, float, float | None, float | None, float | None, float | None]
-"""Id, u, v; du, dv predicted minus found by the robot's pose as reported; the same by the corrected pose."""
 
-
-@dataclass(frozen=True, eq=False)
-class RunView:
-    """One view. `result`: how the run's own calibration uses it.
-
-    `rms_px`, `rms_px_free`: RMS of the residuals by the robot's pose as reported, and as corrected.
-    """
-
-    index: int
-    at: str | None
-    view: ViewDocument
-    joints_rad: Array | None
-    result: ViewResultDocument | None
-    missing: tuple[str, str] | None
-    corners: tuple[Corner, ...]
-    rms_px: float | None
-    rms_px_free: float | None
-    sharpness: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class RunViews:
-    """All views, and the target's outline (4, 3) mm in its own frame: the rectangle around its points."""
-
-    views: tuple[RunView, ...]
-    target_outline_mm: Array
-
-
-def run_views(folder: Path, calibration: CalibrationDocument | None, arm: Arm | None, *, own: bool) -> RunViews:
+def run_views(
+    run_id: str, folder: Path, calibration: CalibrationDocument | None, arm: Arm | None, *, own: bool
+) -> RunViewsDocument:
     """The views of a run's folder, with residuals by a calibration. Raises DocumentError.
 
     `own`: the calibration was solved from these views, and has a correction of each robot pose.
     """
     session = open_session(folder)
     target = session.document.described_target()
-    found = {one.index: one for one in read_detections(folder).views}
+    seen = {one.index: one for one in read_detections(folder).views}
     results = {view.index: view for view in calibration.views} if calibration is not None and own else {}
     views = []
     for index, view in enumerate(session.document.views):
-        views.append(_run_view(index, view, found.get(index), target, calibration, results.get(index), arm))
-    return RunViews(tuple(views), outline_mm(target.points_mm))
+        found = seen.get(index, DetectionDocument(index=index, at="", configuration=()))
+        result, joints_rad, missing = results.get(index), view.stance.joints_rad, None
+        if found.missing is not None:
+            missing = MissingDocument.of(found.missing.code, found.missing.sentence())
+        if joints_rad is None:
+            joints_rad = joints_in_posture(arm, view.stance.base_T_flange, found.configuration)
+        views.append(
+            RunViewDocument(
+                index=index,
+                at=found.at or None,
+                base_T_flange=view.base_T_flange,
+                joints_deg=None if joints_rad is None else [round(float(x), 4) for x in np.degrees(joints_rad)],
+                skeleton_mm=skeleton_mm(arm, joints_rad),
+                status="missed" if missing else "taken" if result is None else result.status,
+                reason=None if result is None else result.reason,
+                missing=missing,
+                **_corners(view.stance, found, target, calibration, result),
+                sharpness=found.sharpness,
+                camera_temperature_c=view.camera_temperature_c,
+                picture=f"/runs/{run_id}/frames/{index}",
+            )
+        )
+    outline = [(float(x), float(y), float(z)) for x, y, z in outline_mm(target.points_mm)]
+    calibration_id = None if calibration is None else calibration.id
+    return RunViewsDocument(run_id=run_id, calibration_id=calibration_id, target_outline_mm=outline, views=views)
 
 
-def _run_view(
-    index: int,
-    view: ViewDocument,
-    found: DetectionDocument | None,
+def _corners(
+    stance: Stance,
+    found: DetectionDocument,
     target: Target,
     calibration: CalibrationDocument | None,
     result: ViewResultDocument | None,
-    arm: Arm | None,
-) -> RunView:
-    joints = view.stance.joints_rad
-    if found is None:
-        return RunView(index, None, view, joints, result, None, (), None, None, None)
+) -> dict[str, Any]:
+    """The fields of RunViewDocument that compare what was found with where the calibration predicts it."""
     ids = np.array([corner[0] for corner in found.corners], np.intp)
     pixels = np.array([corner[1:] for corner in found.corners], float).reshape(-1, 2)
     if result is not None and result.reason == "board-turned":
         calibration = None  # its points were numbered anew
     correction = None if result is None else result.robot_correction
-    at_zero = _at_zero(view, calibration)
+    at_zero = _at_zero(stance, calibration)
     reported = _residuals(calibration, target, at_zero, ids, pixels, None)
     free = None if correction is None else _residuals(calibration, target, at_zero, ids, pixels, correction)
-    return RunView(
-        index=index,
-        at=found.at,
-        view=view,
-        joints_rad=joints
-        if joints is not None
-        else joints_in_posture(arm, view.stance.base_T_flange, found.configuration),
-        result=result,
-        missing=None if found.missing is None else (found.missing.code, found.missing.sentence()),
-        corners=_corners(ids, pixels, reported, free),
-        rms_px=None if reported is None else root_mean_square(reported),
-        rms_px_free=None if free is None else root_mean_square(free),
-        sharpness=found.sharpness,
-    )
+    return {
+        "corners": _corner_rows(ids, pixels, reported, free),
+        "rms_px": None if reported is None else root_mean_square(reported),
+        "rms_px_free": None if free is None else root_mean_square(free),
+    }
 
 
-def _at_zero(view: ViewDocument, calibration: CalibrationDocument | None) -> Array:
-    """The view's pose (4, 4), as if the calibration's external axis, where it has one, had stood at its zero."""
-    stance, axis = view.stance, None if calibration is None else calibration.external_axis
+def _at_zero(stance: Stance, calibration: CalibrationDocument | None) -> Array:
+    """The pose (4, 4) as if the calibration's external axis, where it has one, had stood at its zero."""
+    axis = None if calibration is None else calibration.external_axis
     if axis is None or axis.reading(stance.external_axes) is None:
         return stance.base_T_flange
     (at_zero,) = axis.place(stance.base_T_flange[None], [stance])
@@ -121,14 +106,14 @@ def _residuals(
     return None if predicted is None else predicted[ids] - pixels
 
 
-def _corners(ids: NDArray[np.intp], pixels: Array, reported: Array | None, free: Array | None) -> tuple[Corner, ...]:
+def _corner_rows(ids: NDArray[np.intp], pixels: Array, reported: Array | None, free: Array | None) -> list[Corner]:
     unknown = np.full_like(pixels, np.nan)
     rows = np.column_stack([pixels, unknown if reported is None else reported, unknown if free is None else free])
     corners: list[Corner] = []
     for point, (u, v, *residuals) in zip(ids.tolist(), rows.round(3).tolist(), strict=True):
         du, dv, du_free, dv_free = (value if np.isfinite(value) else None for value in residuals)
         corners.append((point, u, v, du, dv, du_free, dv_free))
-    return tuple(corners)
+    return corners
 
 
 def joints_in_posture(arm: Arm | None, base_T_flange: Array, configuration: tuple[int, ...]) -> Array | None:
