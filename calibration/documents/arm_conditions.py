@@ -23,8 +23,3 @@ class LoadDocument(Document):
     def load(self) -> Load:
         """As the solver takes it."""
         return Load(self.mass_kg, self.centre_mm)
-
-    @classmethod
-    def of(cls, load: Load | None) -> "LoadDocument | None":
-        """None for a load that is not known."""
-        return None if load is None else LoadDocument(mass_kg=load.mass_kg, centre_mm=load.centre_mm)

@@ -63,7 +63,9 @@ class SessionWriter:
         self._target_seen = False
         self._detections = DetectionsDocument()
         self._taken: dict[int, DetectionDocument] = {}
-        self._document = head.model_copy(update={"load": LoadDocument.of(arm.conditions().load)})
+        load = arm.conditions().load
+        carried = None if load is None else LoadDocument(**vars(load))
+        self._document = head.model_copy(update={"load": carried})
 
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
         """Store a station; returns the index. Raises PictureUnusable, StorageError, as the sensors beside."""

@@ -77,8 +77,8 @@ class ScannerBeside:
         self._views.append(view)
         document = SessionDocument(
             schema_version=1, source=f"{self.name}, run {self.run_id}, {at}", poses_from_controller=True,
-            setup=self.main.settings.camera.setup, target=self.target, load=LoadDocument.of(conditions.load),
-            views=self._views,
+            setup=self.main.settings.camera.setup, target=self.target,
+            load=None if conditions.load is None else LoadDocument(**vars(conditions.load)), views=self._views,
         )  # fmt: skip
         await store.write_file(folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
 

@@ -71,7 +71,7 @@ def identify_arm_document(
         scatter_mm=float(np.sqrt(fit.variances.translation)),
         scatter_deg=float(np.degrees(np.sqrt(fit.variances.rotation))),
         views=len(joints), joints_from_poses=without, places=len(problems),
-        load=LoadDocument.of(None if fit.load == NO_LOAD else fit.load), temperature_c=fit.temperature_c,
+        load=None if fit.load == NO_LOAD else LoadDocument(**vars(fit.load)), temperature_c=fit.temperature_c,
         lowest_joints_deg=tuple(joints.min(axis=0).tolist()), highest_joints_deg=tuple(joints.max(axis=0).tolist()),
         more_views=more_arm_views_document(fit, problems[0].target, box_mm),
         findings=[CalibrationFindingDocument.of(finding) for finding in disagreements(fit.distances)],
