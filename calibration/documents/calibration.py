@@ -304,17 +304,6 @@ class CalibrationVerdictDocument(Document):
     rule: ReasonDocument | None = None
     """The rule by which it was judged."""
 
-    @classmethod
-    def of(cls, verdict: Verdict) -> "CalibrationVerdictDocument":
-        rule = "rule" if verdict.limits.tolerance_stated else "rule-not-stated"
-        limit = {"coverage_factor": COVERAGE_FACTOR, "tolerance_mm": verdict.limits.tolerance_mm}
-        return cls(
-            accepted=verdict.accepted,
-            findings=[CalibrationFindingDocument.of(finding) for finding in verdict.findings],
-            limits=LimitsInForceDocument.of(verdict.limits),
-            rule=ReasonDocument.of(Sentence(rule, **limit)),
-        )
-
 
 class AccuracyDocument(Document):
     """The one number of a calibration, beside what it is judged by; null where it is not known."""
@@ -464,12 +453,24 @@ def calibration_document(
             "external_axis": solution.external_axis and FoundAxisDocument.of(solution.external_axis),
             "target": None if target is None else document_of_target(target),
             "target_scale": solution.target_scale,
-            "verdict": CalibrationVerdictDocument.of(verdict),
+            "verdict": _verdict(verdict),
         }
     )
     return document.with_accuracy(
         expected_mm=expected.expanded_mm, why=None if expected.why is None else ReasonDocument.of(expected.why)
     )
+
+
+def _verdict(verdict: Verdict) -> dict[str, object]:
+    limits = verdict.limits
+    rule = "rule" if limits.tolerance_stated else "rule-not-stated"
+    by = Sentence(rule, coverage_factor=COVERAGE_FACTOR, tolerance_mm=limits.tolerance_mm)
+    return {
+        "accepted": verdict.accepted,
+        "findings": [CalibrationFindingDocument.of(finding) for finding in verdict.findings],
+        "limits": renamed(vars(limits), "_rad", "_deg", lambda angle_rad: round(degrees(angle_rad), 9)),
+        "rule": ReasonDocument.of(by),
+    }
 
 
 def _uncertainty(solution: Solution) -> dict[str, object] | None:

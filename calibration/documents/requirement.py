@@ -68,10 +68,6 @@ class LimitsInForceDocument(BoundsDocument):
     tolerance_stated: bool = False
     """Whether somebody stated the tolerance; else it is the default of 1 mm."""
 
-    @classmethod
-    def of(cls, limits: VerdictLimits) -> "LimitsInForceDocument":
-        return cls(**renamed(vars(limits), "_rad", "_deg", lambda angle_rad: round(degrees(angle_rad), 9)))
-
 
 class VerdictSettings(BoundsDocument):
     """The limits of the verdict."""
