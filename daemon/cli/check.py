@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from daemon.cli.errors import ExitStatus
-from daemon.cli.output import CheckResult, Json, print_json
+from daemon.cli.output import Json, print_json
+from daemon.model.check_result import CheckResult
 
 
 def check(

@@ -29,12 +29,12 @@ from daemon.cell.devices import open_devices
 from daemon.cell.frame_check import frame_difference
 from daemon.cell.readings import read_setup
 from daemon.cell.vibration import VibrationGate
-from daemon.cli.output import CheckResult
 from daemon.cli.rest_client import client_of, connect, running_service
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, RobotSettings, Settings, SettingsFile
 from daemon.errors import NotStill, PortTaken
 from daemon.http.listen_socket import LateAddresses, open_listener
+from daemon.model.check_result import CheckResult
 from daemon.runtime.clock import Clock
 from daemon.tools.first_setup.devices import MAX_CONNECT_S, ask, name_of
 from drivers.errors import DeviceError, DeviceUnreachable, GarbledAnswer, NothingMeasured, RequestRefused

@@ -169,20 +169,6 @@ class CommandGroup(typer.core.TyperGroup):
             raise typer.Exit(ExitStatus.FAILED) from None
 
 
-@dataclass(frozen=True)
-class CheckResult:
-    """One thing that `handeyed check` has looked at: `what` was found, and what to do when it is not well."""
-
-    name: str
-    ok: bool
-    what: str
-    fix: str = ""
-
-    def line(self) -> str:
-        """ok    robot     what"""
-        return f"{'ok' if self.ok else 'FAIL':<6}{self.name:<10}{self.what}" + (f": {self.fix}" if self.fix else "")
-
-
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
     """A progress bar on standard error if it is a terminal; yields a function to call with (done, of)."""

@@ -2,6 +2,7 @@
 
 from fastapi import Depends, Request, Response
 
+from calibration.documents.calibration import SentenceDocument
 from calibration.sentences.sentence import Sentence
 from daemon.api.dependencies import App, WidthQuery, WithCamera, api_router, no_body
 from daemon.api.live.picture_stream import STREAM, StreamedPictures, working_run
@@ -24,6 +25,7 @@ from daemon.cell.readings import RobotReading
 from daemon.config.settings import MAIN_CAMERA
 from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import CellBusy, InterlockOpen
+from daemon.model.check_result import CheckResult
 from daemon.sessions.pictures import PictureType, Width, encode_file
 from daemon.sessions.session_writer import image_name
 from daemon.tools.support_bundle.bundle import redact
@@ -84,7 +86,11 @@ async def check(app: App) -> CheckList:
 
     Nothing moves and no scan is taken. 409 while a run works.
     """
-    return CheckList(results=await check_devices(app))
+    results = []
+    for one in await check_devices(app):
+        what, fix = SentenceDocument.each_of((one.what, one.fix))
+        results.append(CheckDocument(**vars(one), what_detail=what, fix_detail=fix))
+    return CheckList(results=results)
 
 
 PICTURES = {"description": "A picture", "content": {media_type: {} for media_type in PICTURE_TYPES}}
@@ -173,7 +179,7 @@ async def stored_picture(app: Application, run_id: str, k: int, media_type: Pict
     return await app.service_workers.run(encode_file, file, media_type, width)
 
 
-async def check_devices(app: Application) -> list[CheckDocument]:
+async def check_devices(app: Application) -> list[CheckResult]:
     """One result for each thing that was looked at. Raises CellBusy while a run works."""
     if (run := app.supervisor.in_progress) is not None:
         raise CellBusy(Sentence("holder-run", run=run.id))
@@ -184,57 +190,57 @@ async def check_devices(app: Application) -> list[CheckDocument]:
     for name in app.settings.named_scanners():
         scanner = links[name]
         fix = "" if scanner.connected or scanner.last_error is None else scanner.last_error.fix
-        results.append(CheckDocument.of(name, scanner.connected, scanner.detail, fix))
+        results.append(CheckResult(name, scanner.connected, scanner.detail, fix))
     return results
 
 
-def _storage(app: Application) -> CheckDocument:
+def _storage(app: Application) -> CheckResult:
     reasons, free_gb = app.store.obstacles(), app.store.free_bytes() / 1e9
     if reasons:
-        return CheckDocument.of("storage", False, "; ".join(reasons), "see docs/runbook.md")
-    return CheckDocument.of("storage", True, Sentence("check-storage", folder=str(app.store.folder), free_gb=free_gb))
+        return CheckResult("storage", False, "; ".join(reasons), "see docs/runbook.md")
+    return CheckResult("storage", True, Sentence("check-storage", folder=str(app.store.folder), free_gb=free_gb))
 
 
-async def _robot(app: Application) -> CheckDocument:
+async def _robot(app: Application) -> CheckResult:
     try:
         reading = await app.readings.robot.read()
     except DeviceError as error:
         app.device_watch.note("robot", error)
-        return CheckDocument.of("robot", False, error.what, error.fix)
+        return CheckResult("robot", False, error.what, error.fix)
     if reasons := motion_obstacles(reading.status):
         what = Sentence("check-robot-not-ready", reasons=list(reasons))
-        return CheckDocument.of("robot", False, what, Sentence("check-robot-fix"))
+        return CheckResult("robot", False, what, Sentence("check-robot-fix"))
     x_mm, y_mm, z_mm = reading.pose.base_T_flange[:3, 3]
     could = "check-robot-moves" if app.cell.robot.capabilities.moves else "check-robot-reads"
-    return CheckDocument.of("robot", True, Sentence(could, x_mm=x_mm, y_mm=y_mm, z_mm=z_mm))
+    return CheckResult("robot", True, Sentence(could, x_mm=x_mm, y_mm=y_mm, z_mm=z_mm))
 
 
-async def _camera(app: Application, camera: CellCamera) -> CheckDocument:
+async def _camera(app: Application, camera: CellCamera) -> CheckResult:
     try:
         look = await camera.looks.read()
     except DeviceError as error:
         app.device_watch.note(camera.name, error)
-        return CheckDocument.of(camera.name, False, error.what, error.fix)
+        return CheckResult(camera.name, False, error.what, error.fix)
     width, height = look.size
     expected = camera.settings.camera.intrinsics
     if expected is not None and look.size != tuple(expected.image_size):
         wanted_width, wanted_height = expected.image_size
         size = {"width": width, "height": height, "wanted_width": wanted_width, "wanted_height": wanted_height}
         what = Sentence("check-camera-size", **size)
-        return CheckDocument.of(camera.name, False, what, Sentence("check-camera-size-fix"))
+        return CheckResult(camera.name, False, what, Sentence("check-camera-size-fix"))
     found = 0 if look.detection is None else len(look.detection.ids)
     if not found:
-        return CheckDocument.of(camera.name, True, Sentence("check-camera-no-target", width=width, height=height))
+        return CheckResult(camera.name, True, Sentence("check-camera-no-target", width=width, height=height))
     what = Sentence("check-camera-points", width=width, height=height, found=found, of=look.of)
-    return CheckDocument.of(camera.name, True, what)
+    return CheckResult(camera.name, True, what)
 
 
-async def _interlocks(app: Application) -> CheckDocument:
+async def _interlocks(app: Application) -> CheckResult:
     try:
         await app.cell.require_interlocks()
     except InterlockOpen as error:
-        return CheckDocument.of("interlocks", False, error.what, error.fix)
-    return CheckDocument.of("interlocks", True, Sentence("check-interlocks"))
+        return CheckResult("interlocks", False, error.what, error.fix)
+    return CheckResult("interlocks", True, Sentence("check-interlocks"))
 
 
 class RobotDocuments:

@@ -22,6 +22,7 @@ from daemon.cell.frame_check import frame_difference
 from daemon.cell.readings import RobotReading
 from daemon.cell.skeleton import lengths_mm, skeleton_mm
 from daemon.config.settings import Settings, TaughtPose
+from daemon.model.check_result import CheckResult
 from daemon.model.records import PlannedPoseDocument
 from daemon.sessions.look import Look
 from drivers.interfaces import Robot
@@ -174,20 +175,14 @@ class DeviceDocument(DeviceState):
     address: str
 
 
-class CheckDocument(Answer):
+@dataclass(frozen=True, kw_only=True)
+class CheckDocument(CheckResult):
     """One thing that was checked: `what` was found, and what to do when it is not well; and what both are made of."""
 
-    name: str
-    ok: bool
-    what: str
-    fix: str
+    __pydantic_config__: ClassVar = as_it_stands()
+
     what_detail: SentenceDocument
     fix_detail: SentenceDocument
-
-    @classmethod
-    def of(cls, name: str, ok: bool, what: str, fix: str = "") -> "CheckDocument":
-        what_detail, fix_detail = SentenceDocument.each_of((what, fix))
-        return cls(name=name, ok=ok, what=what, fix=fix, what_detail=what_detail, fix_detail=fix_detail)
 
 
 class CheckList(Answer):

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from daemon.cli.checks import check_daemon
-from daemon.cli.output import CheckResult
 from daemon.cli.rest_client import RunningService
 from daemon.config.settings import Settings, SettingsFile
+from daemon.model.check_result import CheckResult
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.support.waiting import LIMIT_S
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from daemon.cli.checks import check_interlocks, check_line, check_plc, check_port
-from daemon.cli.output import CheckResult
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
+from daemon.model.check_result import CheckResult
 from tests.daemon.cli.running import handeyed
 from tests.daemon.daemon_process import SETTINGS
 from tests.drivers.modbus_terminal import terminal
