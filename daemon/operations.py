@@ -372,13 +372,14 @@ class Operations:
         return replace(USUAL_BELIEF, arm=arm) if found is None or found.arm != arm else found.for_next_run()
 
     async def _scene_guess(self) -> SceneGuess:
-        intrinsics = self.settings.camera.intrinsics
+        seen_by, stated = self.settings.camera, self.settings.calibration
+        camera = seen_by.intrinsics.camera() if seen_by.intrinsics else None
+        guesses = stated.mount_T_camera_guess(seen_by.setup), stated.anchor_T_target_guess(seen_by.setup)
+        guess = SceneGuess(seen_by.setup, camera, *guesses)
         try:
-            current = await self.calibrations.current()
+            return guess.complete(await self.calibrations.current())
         except NoCalibration:
-            current = None
-        camera = intrinsics.camera() if intrinsics else None
-        return SceneGuess.of(self.settings.calibration, self.settings.camera.setup, camera, current)
+            return guess
 
     async def _check_poses(self, poses: tuple[TaughtPose, ...] = ()) -> None:
         """Check where the arm stands, and every move to and between the poses. Raises PoseRefused, DeviceError."""

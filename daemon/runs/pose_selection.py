@@ -34,29 +34,21 @@ class SceneGuess:
     lens_before: CameraModel | None = None
 
     @classmethod
-    def of(
-        cls,
-        settings: CalibrationSettings,
-        setup: Setup,
-        camera: CameraModel | None,
-        current: CalibrationDocument | None,
-    ) -> "SceneGuess":
-        """`current` of another set-up says nothing of this scene."""
-        found = cls(setup, camera, settings.mount_T_camera_guess(setup), settings.anchor_T_target_guess(setup))
-        if current is None or current.setup != setup:
-            return found
-        return replace(
-            found,
-            lens_before=current.camera.camera() if current.camera else None,
-            mount_T_camera=found.mount_T_camera or current.mount_T_camera,
-            anchor_T_target=found.anchor_T_target or current.anchor_T_target,
-        )
-
-    @classmethod
     def from_calibration(cls, calibration: CalibrationDocument) -> "SceneGuess":
         """The scene according to a calibration, for its verification."""
         camera = calibration.camera.camera() if calibration.camera else None
         return cls(calibration.setup, camera, calibration.mount_T_camera, calibration.anchor_T_target)
+
+    def complete(self, current: CalibrationDocument) -> "SceneGuess":
+        """With what the active calibration says and no guess does; of another set-up it says nothing."""
+        if current.setup != self.setup:
+            return self
+        return replace(
+            self,
+            lens_before=current.camera.camera() if current.camera else None,
+            mount_T_camera=self.mount_T_camera or current.mount_T_camera,
+            anchor_T_target=self.anchor_T_target or current.anchor_T_target,
+        )
 
 
 def require_planned_poses(axis_offset: AxisOffset | None, rules: MotionRules) -> None:
