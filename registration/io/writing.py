@@ -33,7 +33,7 @@ class Form:
 
 
 def _pcd(layout: Layout, file: str) -> Form:
-    records = PclRecords.of(layout, file)
+    records = PclRecords(layout, file)
     return Form(layout, lambda count: pcd.format_header(records.layout, count), records.encode)
 
 

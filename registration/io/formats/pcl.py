@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -35,12 +36,13 @@ def unpack_colour(name: str, colour: str, block: Records | Mapping[str, NDArray[
 class PclRecords:
     """Converts blocks of common columns to PCL's: normals renamed, three 8-bit colours packed into one field."""
 
-    layout: Layout
+    common: Layout
     file: str
 
-    @classmethod
-    def of(cls, common: Layout, file: str) -> "PclRecords":
-        kinds = {name: common.dtype[name] for name in common.dtype.names or ()}
+    @cached_property
+    def layout(self) -> Layout:
+        """PCL's columns."""
+        kinds = {name: self.common.dtype[name] for name in self.common.dtype.names or ()}
         packs = all(kinds.get(colour) == np.uint8 for colour in SHIFTS)
         columns: list[tuple[str, Any]] = []
         for name, kind in kinds.items():
@@ -48,7 +50,7 @@ class PclRecords:
                 columns.append(("rgb", "<f4"))
             elif not (packs and name in SHIFTS):
                 columns.append((NAMES.get(name, name), np.dtype(np.float32) if name in SINGLE else kind))
-        return cls(Layout.of(np.dtype(columns)), file)
+        return Layout.of(np.dtype(columns))
 
     def encode(self, block: Records) -> memoryview:
         """The bytes to write. Raises CloudUnsupported where single floats would lose digits of doubles."""
