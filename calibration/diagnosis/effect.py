@@ -2,6 +2,7 @@
 
 from collections.abc import Set
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,18 +22,21 @@ MIN_VIEWS = 3
 
 @dataclass(frozen=True, eq=False)
 class MappedPoint:
-    """The views (indices) and the target's size that the solution used, and the weights (6, 6) of the squared error of
-    a point mapped through X."""
+    """A point mapped through X, at the median distance of the target's poses `camera_T_target` (n, 4, 4).
+
+    used, scale : the views (indices) and the target's size that the solution used.
+    """
 
     used: Set[int]
     scale: float
-    weights: Array
+    camera: CameraModel
+    camera_T_target: Array
 
-    @classmethod
-    def of(cls, used: Set[int], scale: float, camera: CameraModel, camera_T_target: Array) -> "MappedPoint":
-        """At the median distance of the target's poses (n, 4, 4)."""
-        distance_mm = float(np.median(np.linalg.norm(camera_T_target[:, :3, 3], axis=1)))
-        return cls(used, scale, point_weights(working_points_mm(camera, distance_mm)))
+    @cached_property
+    def weights(self) -> Array:
+        """Weights (6, 6) of the point's squared error."""
+        distance_mm = float(np.median(np.linalg.norm(self.camera_T_target[:, :3, 3], axis=1)))
+        return point_weights(working_points_mm(self.camera, distance_mm))
 
     def shift_mm(self, cause: Hypothesis) -> float | None:
         """RMS shift of the point under the cause, less what the uncertainty of its own X explains; the largest X's.

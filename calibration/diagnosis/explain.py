@@ -140,7 +140,7 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
         estimated = replace(prepared, seen=prepared.seen_as_found)
         own_poses = poses_by_lens(estimated.seen, solution.camera, camera, poses)
         found = _with_turned_views(problem, estimated, solution.camera, own_poses)
-    point = None if solution.mount_T_camera is None else MappedPoint.of(used, prepared.scale, camera, poses)
+    point = None if solution.mount_T_camera is None else MappedPoint(used, prepared.scale, camera, poses)
     another_target = tuple(target_findings(problem)) if _points_lie_elsewhere(prepared, poses) else ()
     if another_target:
         return another_target
