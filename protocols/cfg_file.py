@@ -40,9 +40,6 @@ class CfgFile:
         """EIO, SYS, SIO, MOC, PROC or MMC; "" when the first line is no header."""
         return self.header.partition(":")[0] if ":CFG_" in self.header else ""
 
-    def of(self, kind: str) -> tuple[CfgInstance, ...]:
-        return tuple(each for each in self.instances if each.kind == kind)
-
 
 def parse_cfg(text: str) -> CfgFile:
     """Parse a file; never fails: what it does not know it leaves out."""

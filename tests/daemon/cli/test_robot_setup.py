@@ -62,7 +62,9 @@ def configured(text: str) -> State:
 
     def state(cell: RwsCell) -> None:
         types = dict(cell.world.equipment.configuration.get(file.domain, {}))
-        types |= {each.kind: {each.name: each for each in file.of(each.kind)} for each in file.instances}
+        types |= {each.kind: {} for each in file.instances}
+        for each in file.instances:
+            types[each.kind][each.name] = each
         have = {**cell.world.equipment.configuration, file.domain: types}
         cell.world.equipment = replace(cell.world.equipment, configuration=have)
 
