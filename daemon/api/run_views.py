@@ -72,7 +72,9 @@ def _corners(
     if result is not None and result.reason == "board-turned":
         calibration = None  # its points were numbered anew
     correction = None if result is None else result.robot_correction
-    at_zero = _at_zero(stance, calibration)
+    at_zero, axis = stance.base_T_flange, None if calibration is None else calibration.external_axis
+    if axis is not None and axis.reading(stance.external_axes) is not None:
+        (at_zero,) = axis.place(at_zero[None], [stance])
     reported = _residuals(calibration, target, at_zero, ids, pixels, None)
     free = None if correction is None else _residuals(calibration, target, at_zero, ids, pixels, correction)
     return {
@@ -80,15 +82,6 @@ def _corners(
         "rms_px": None if reported is None else root_mean_square(reported),
         "rms_px_free": None if free is None else root_mean_square(free),
     }
-
-
-def _at_zero(stance: Stance, calibration: CalibrationDocument | None) -> Array:
-    """The pose (4, 4) as if the calibration's external axis, where it has one, had stood at its zero."""
-    axis = None if calibration is None else calibration.external_axis
-    if axis is None or axis.reading(stance.external_axes) is None:
-        return stance.base_T_flange
-    (at_zero,) = axis.place(stance.base_T_flange[None], [stance])
-    return np.asarray(at_zero)
 
 
 def _residuals(
