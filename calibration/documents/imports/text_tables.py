@@ -170,7 +170,7 @@ def rows_of(lines: Sequence[str]) -> TextRows:
     rows = rows[1:] if stated else rows
     separator = stated[1] if stated else _separator(rows)
     texts = [row for row in (_split(line, separator) for line in rows) if any(row)]
-    style = _Decimals.of(texts, separator)
+    style = _Decimals.guess(texts)
     above = next((at for at, row in enumerate(texts) if any(style.is_number(cell) for cell in row)), 0)
     names = _names(texts[:above], len(texts[above]) if texts else 0, at_blanks=separator is None)
     texts = texts[above:]
@@ -224,7 +224,7 @@ class _Decimals:
     thousands: str
 
     @classmethod
-    def of(cls, rows: Sequence[Sequence[str]], separator: str | None) -> "_Decimals":
+    def guess(cls, rows: Sequence[Sequence[str]]) -> "_Decimals":
         cells = [cell for row in rows for cell in row if "," in cell]
         if any(_GERMAN_THOUSANDS.fullmatch(cell) for cell in cells):
             return cls(comma=True, thousands=".")
