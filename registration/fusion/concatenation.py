@@ -77,7 +77,7 @@ def merge_clouds(
     finite = FiniteBlocks(merger.shared, stopped, merge.box_mm, lambda read: on_progress(read * share_of_byte))
     with new_cloud(target, merger.layout, calibration_id=calibration_id) as writer:
         held = Conversion.between(merger.layout, writer.form.layout)
-        for block in merger.merge_views((finite.of(cloud), cloud.base_T_cloud[:3, 3]) for cloud in clouds):
+        for block in merger.merge_views((finite.read(cloud), cloud.base_T_cloud[:3, 3]) for cloud in clouds):
             if stopped():
                 raise MergeStopped
             writer.write(block if held.layout == merger.layout else held.convert(block))
@@ -103,7 +103,7 @@ class FiniteBlocks:
         self._bytes_before = 0
         self.dropped = 0
 
-    def of(self, cloud: PlacedCloud) -> Iterator[Records]:
+    def read(self, cloud: PlacedCloud) -> Iterator[Records]:
         motion = RigidMotion.of(cloud.base_T_cloud, cloud.unit)
         size, points = size_of(cloud.file), 0
         with open_cloud(cloud.file) as source:

@@ -38,7 +38,7 @@ def view_surface(
     own_bytes, share_of_byte = bytes_of([clouds[view]]), READING / max(bytes_of(clouds), 1)
     cloud, merge = clouds[view], Merge(voxel_mm, normals=True, box_mm=box_mm)
     merger = Merger(merge, XYZ_FLOAT32, cloud.file.parent)
-    blocks = FiniteBlocks(XYZ_FLOAT32, stopped, box_mm, lambda read: on_progress(read * share_of_byte)).of(cloud)
+    blocks = FiniteBlocks(XYZ_FLOAT32, stopped, box_mm, lambda read: on_progress(read * share_of_byte)).read(cloud)
     averages = merger.merge_views([(blocks, cloud.base_T_cloud[:3, 3])])
     own = np.concatenate([*averages, np.empty(0, merger.layout.dtype)])
     found = np.empty(len(own), SURFACE)
@@ -68,7 +68,7 @@ def _points_of(
         grown = ((x, y, z), (to_x, to_y, to_z))
     blocks = FiniteBlocks(XYZ_FLOAT32, stopped, grown, on_read)
     for cloud in clouds:
-        for block in blocks.of(cloud):
+        for block in blocks.read(cloud):
             grid.add(block)
     found = np.concatenate([*grid.blocks(), np.empty(0, XYZ_FLOAT32.dtype)])
     return np.stack([found[name].astype(float) for name in XYZ_FLOAT32.xyz], axis=1)
