@@ -13,7 +13,7 @@ from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
 from calibration.likelihood.predicted_uncertainty import Scene, predict
-from calibration.planning.line_of_sight import LineOfSight
+from calibration.planning.line_of_sight import LineOfSight, line_of_sight
 from calibration.planning.plan import plan_poses
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.problem import ANCHORS, MOUNTS, Setup
@@ -90,7 +90,7 @@ class PlanDocument(Document):
     def sight(self) -> LineOfSight | None:
         """Of a camera beside the robot, by the guesses."""
         scene = self.scene()
-        return LineOfSight.of(scene.setup, scene.target, scene.mount_T_camera, scene.anchor_T_target)
+        return line_of_sight(scene.setup, scene.target, scene.mount_T_camera, scene.anchor_T_target)
 
     def choose_poses(self, reachable: Reachable | None = None) -> "PlannedDocument":
         """The poses that determine X best, and how well they will. `reachable`: which of them the arm can take.

@@ -28,16 +28,6 @@ class LineOfSight:
     camera_mm: Array
     target_mm: Array
 
-    @classmethod
-    def of(cls, setup: Setup, target: Target, mount_T_camera: Array, anchor_T_target: Array) -> "LineOfSight | None":
-        """From the poses (4, 4) of camera and target; None for a camera on the flange, which no link can hide from."""
-        if setup == "eye-in-hand":
-            return None
-        low, high = target.points_mm.min(axis=0), target.points_mm.max(axis=0)
-        (x0, y0, _), (x1, y1, _) = low, high
-        seen = np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0], (low + high) / 2])
-        return cls(mount_T_camera[:3, 3], map_points(anchor_T_target, seen))
-
     def is_clear(self, arm: Arm, joints_rad: Array) -> NDArray[np.bool_]:
         """Mask (...) of joints (..., 6): no link from the base to the wrist is nearer than ARM_RADIUS_MM to a line."""
         links = arm.skeleton(joints_rad)[..., :3, :]
@@ -52,6 +42,16 @@ class LineOfSight:
             links[..., :-1, None, :], links[..., 1:, None, :], self.camera_mm, ends[..., None, :, :]
         )
         return np.asarray(apart.min(axis=(-1, -2)) >= ARM_RADIUS_MM)
+
+
+def line_of_sight(setup: Setup, target: Target, mount_T_camera: Array, anchor_T_target: Array) -> LineOfSight | None:
+    """From the poses (4, 4) of camera and target; None for a camera on the flange, which no link can hide from."""
+    if setup == "eye-in-hand":
+        return None
+    low, high = target.points_mm.min(axis=0), target.points_mm.max(axis=0)
+    (x0, y0, _), (x1, y1, _) = low, high
+    seen = np.array([[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0], (low + high) / 2])
+    return LineOfSight(mount_T_camera[:3, 3], map_points(anchor_T_target, seen))
 
 
 def distance_of_segments(a_mm: Array, b_mm: Array, c_mm: Array, d_mm: Array) -> Array:

@@ -11,7 +11,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.errors import UndeterminedError
 from calibration.kinematics.arm import Arm
 from calibration.planning.exploration import Exploration, turn_flange
-from calibration.planning.line_of_sight import LineOfSight
+from calibration.planning.line_of_sight import LineOfSight, line_of_sight
 from calibration.planning.next_view import NextView, StoppingRule, next_view, plan_ahead
 from calibration.planning.plan import Plan, PlanningError
 from calibration.planning.scene_belief import SceneBelief, ScenePrior
@@ -146,7 +146,7 @@ class AdaptiveSequence:
         known = self._progress.belief.scene if self._progress.belief else self.parameters.guess
         if known.mount_T_camera is None or known.anchor_T_target is None:
             return None
-        return LineOfSight.of(known.setup, known.target, known.mount_T_camera, known.anchor_T_target)
+        return line_of_sight(known.setup, known.target, known.mount_T_camera, known.anchor_T_target)
 
     async def _plan_next(self, robot: Robot) -> NextView:
         """Plan the next view in a worker thread."""

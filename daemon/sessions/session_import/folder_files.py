@@ -25,36 +25,6 @@ class FolderFiles:
     def origin(self) -> str:
         return str(self.folder)
 
-    @classmethod
-    def of(cls, folder: Path) -> "FolderFiles":
-        """List a folder. Raises DocumentError when it cannot be listed or has more than MAX_FILES files."""
-        if not folder.is_dir():
-            raise refusal(str(folder), "folder", "not a folder" if folder.exists() else "not there", "check the path")
-        names: list[str] = []
-        links: list[str] = []
-        pending = [(folder, 0)]
-        while pending:
-            here, depth = pending.pop()
-            try:
-                entries = list(os.scandir(here))
-            except OSError as error:
-                reason = (error.strerror or str(error)).lower()
-                raise refusal(str(here), "folder", reason, "check its permissions") from None
-            for entry in entries:
-                name = Path(entry.path).relative_to(folder).as_posix()
-                if entry.name.startswith("."):
-                    continue
-                if entry.is_symlink():
-                    links.append(name)
-                elif entry.is_dir(follow_symlinks=False) and depth < MAX_DEPTH:
-                    pending.append((Path(entry.path), depth + 1))
-                elif entry.is_file(follow_symlinks=False):
-                    names.append(name)
-            if len(names) > MAX_FILES:
-                what = f"more than {MAX_FILES} files"
-                raise refusal(str(folder), "folder", what, "name the folder of one session")
-        return cls(folder, tuple(sorted(names, key=natural)), tuple(sorted(links)))
-
     def path(self, name: str) -> Path:
         """The file of a name of the list. Raises DocumentError for any other."""
         if name not in self.names:
@@ -69,3 +39,36 @@ class FolderFiles:
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
             raise refusal(f"{self.folder}/{name}", "file", reason, "check the file and its permissions") from None
+
+
+def list_files(folder: Path) -> FolderFiles:
+    """The files of a folder and of the folders in it.
+
+    Raises DocumentError when it cannot be listed or has more than MAX_FILES files.
+    """
+    if not folder.is_dir():
+        raise refusal(str(folder), "folder", "not a folder" if folder.exists() else "not there", "check the path")
+    names: list[str] = []
+    links: list[str] = []
+    pending = [(folder, 0)]
+    while pending:
+        here, depth = pending.pop()
+        try:
+            entries = list(os.scandir(here))
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise refusal(str(here), "folder", reason, "check its permissions") from None
+        for entry in entries:
+            name = Path(entry.path).relative_to(folder).as_posix()
+            if entry.name.startswith("."):
+                continue
+            if entry.is_symlink():
+                links.append(name)
+            elif entry.is_dir(follow_symlinks=False) and depth < MAX_DEPTH:
+                pending.append((Path(entry.path), depth + 1))
+            elif entry.is_file(follow_symlinks=False):
+                names.append(name)
+        if len(names) > MAX_FILES:
+            what = f"more than {MAX_FILES} files"
+            raise refusal(str(folder), "folder", what, "name the folder of one session")
+    return FolderFiles(folder, tuple(sorted(names, key=natural)), tuple(sorted(links)))

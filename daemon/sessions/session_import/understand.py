@@ -31,7 +31,7 @@ from calibration.transforms import Array
 from calibration.verdict import tool_findings
 from daemon.sessions.pictures import encode_picture
 from daemon.sessions.session_files import TAKE_AGAIN, ImageError, read_grey
-from daemon.sessions.session_import.folder_files import FolderFiles
+from daemon.sessions.session_import.folder_files import list_files
 from daemon.sessions.session_import.request import ImportRequest, Understood, are_clouds, views_of
 from daemon.sessions.session_reader import SessionFolder, load_problem
 from registration.io.regular_file import read_regular
@@ -66,7 +66,7 @@ class Undecided(DocumentError):
 
 def understand(request: ImportRequest, progress: Progress = lambda done, of: None) -> Understood:
     """What the folder holds. Raises DocumentError, Undecided."""
-    files = FolderFiles.of(request.folder)
+    files = list_files(request.folder)
     imported = read_set(files, request.part, request.chosen, request.arm)
     links = (f"{len(files.links)} links are not followed",) if files.links else ()
     within = imported.poses.pictures if request.pictures is not None else ()

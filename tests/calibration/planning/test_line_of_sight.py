@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibration.kinematics.abb_arms import find_arm
-from calibration.planning.line_of_sight import ARM_RADIUS_MM, LineOfSight, distance_of_segments
+from calibration.planning.line_of_sight import ARM_RADIUS_MM, LineOfSight, distance_of_segments, line_of_sight
 from calibration.planning.reachability import reachable_by
 from calibration.targets import Chessboard
 from calibration.transforms import Array, transform
@@ -21,7 +21,7 @@ point = st.tuples(coordinate, coordinate, coordinate).map(np.array)
 
 def sight_from(camera_mm: tuple[float, float, float]) -> LineOfSight:
     """A camera that looks from there at a target on the flange."""
-    found = LineOfSight.of("eye-to-hand", TARGET, transform(np.eye(3), camera_mm), transform(np.eye(3), [0, 0, 30]))
+    found = line_of_sight("eye-to-hand", TARGET, transform(np.eye(3), camera_mm), transform(np.eye(3), [0, 0, 30]))
     assert found is not None
     return found
 
@@ -43,7 +43,7 @@ def test_a_camera_in_front_sees_the_target_and_one_behind_the_robot_does_not() -
 
 
 def test_a_camera_on_the_flange_has_no_arm_in_its_way() -> None:
-    assert LineOfSight.of("eye-in-hand", TARGET, np.eye(4), np.eye(4)) is None
+    assert line_of_sight("eye-in-hand", TARGET, np.eye(4), np.eye(4)) is None
 
 
 def test_poses_that_hide_the_target_are_not_planned() -> None:
