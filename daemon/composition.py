@@ -68,7 +68,7 @@ def build(
     extensions: Extensions = INSTALLED,
 ) -> Application:
     """Build the application inside a running event loop. Raises DaemonError, DeviceError, DocumentError."""
-    clock, systemd = clock or Clock(), systemd or Systemd.of(os.environ, os.getpid())
+    clock, systemd = clock or Clock(), systemd or Systemd.from_environment(os.environ, os.getpid())
     store = store or Store(Path(settings.storage.folder), at=at)
     events, metrics = EventBus(store.stored_events), Metrics()
     store.publish = events.publish

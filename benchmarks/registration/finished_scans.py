@@ -87,7 +87,7 @@ def counted() -> Counter[str]:
 
 def write_finished(place: str, tasks: Sequence[RegistrationTask], outcomes: Sequence[OutcomeDocument]) -> None:
     """finished.json, as a run writes it that has just had these outcomes."""
-    source, target = RemoteFolder.of(f"{place}/in"), RemoteFolder.of(f"{place}/out")
+    source, target = RemoteFolder.from_url(f"{place}/in"), RemoteFolder.from_url(f"{place}/out")
     moved = [RegistrationTask(source.url, target.url, task.scan, task.calibration) for task in tasks]
     assert len(list(FinishedScans(target, source.list_marks()).run(moved, lambda _: iter(outcomes)))) == len(tasks)
 

@@ -78,7 +78,7 @@ def identify_lattice(seen: SeenLattice, target: Charuco) -> Detection | None:
 
     Raises DetectionError `unknown-dictionary`, `dictionary-too-small`.
     """
-    bits = MarkerBits.of(charuco_board(target), target.square_mm)
+    bits = MarkerBits.from_board(charuco_board(target), target.square_mm)
     found = assign_ids(seen.small, target, bits, seen.lattice, seen.view)
     return None if found is None else Detection(found.ids, to_full_size(found.corners_px, seen.factor))
 
@@ -154,7 +154,7 @@ class MarkerBits:
     values: Array
 
     @classmethod
-    def of(cls, board: Any, square_mm: float) -> "MarkerBits":
+    def from_board(cls, board: Any, square_mm: float) -> "MarkerBits":
         """The bits of OpenCV's `board`, without the markers' borders."""
         dictionary, size = board.getDictionary(), board.getDictionary().markerSize
         values = [

@@ -61,7 +61,7 @@ def _tasks(
     given = read_in_use(read_calibration(calibration), arm, None)
     scanner_mount_of(given.document)
     errors = None if arm is None else read_document(arm).decode()
-    source, target = RemoteFolder.of(folder), RemoteFolder.of(out)
+    source, target = RemoteFolder.from_url(folder), RemoteFolder.from_url(out)
     listed = source.list_marks()
     scans = sorted(scan for scan, files in listed.items() if SCAN in files)
     if not scans:

@@ -119,7 +119,7 @@ async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
     async with RwsAdministration(where) as controller:
         task = wish.names.motion_task
         files = program_files(modules, {1: 6, 2: 7}[controller.version], called=wish.called, egm=wish.egm)
-        package = Package.of(wish.folder, files, wish.names)
+        package = Package.from_files(wish.folder, files, wish.names)
         _, reached = await read_networks(controller)
         here = {"cell_address": reached.address} if reached else {}
         values = {package.names.rename(name): value for name, value in (here | wish.settings).items()}

@@ -42,5 +42,5 @@ def serve(
             os.execv(sys.executable, [sys.executable, *(each for each in sys.orig_argv[1:] if each != "--setup")])  # noqa: S606
     except (CalibrationError, DaemonError, DeviceError) as error:
         # It stays in `systemctl status` of a service that has failed.
-        Systemd.of(os.environ, os.getpid()).notify("STATUS=" + " ".join(str(error).split()))
+        Systemd.from_environment(os.environ, os.getpid()).notify("STATUS=" + " ".join(str(error).split()))
         raise

@@ -122,7 +122,7 @@ class Systemd:
     runtime_folder: Path | None = None
 
     @classmethod
-    def of(cls, environment: Mapping[str, str], pid: int) -> "Systemd":
+    def from_environment(cls, environment: Mapping[str, str], pid: int) -> "Systemd":
         address = environment.get("NOTIFY_SOCKET") or None
         microseconds = environment.get("WATCHDOG_USEC", "")
         ours = environment.get("WATCHDOG_PID", str(pid)) == str(pid)

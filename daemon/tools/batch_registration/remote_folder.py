@@ -42,7 +42,7 @@ class RemoteFolder:
     url: str
 
     @classmethod
-    def of(cls, url: str) -> "RemoteFolder":
+    def from_url(cls, url: str) -> "RemoteFolder":
         """A folder by path or URL; paths are made absolute for workers elsewhere. Raises ArchiveError."""
         place = cls(url.rstrip("/") or "/")
         return place if place.local is None else cls(str(place.local))

@@ -11,7 +11,7 @@ from tests.daemon.runtime.service_manager import Manager
 
 
 def of(environment: dict[str, str]) -> Systemd:
-    return Systemd.of(environment, pid=42)
+    return Systemd.from_environment(environment, pid=42)
 
 
 @pytest.mark.parametrize("abstract", [False, True])

@@ -165,7 +165,7 @@ def test_scans_and_results_may_lie_anywhere_fsspec_reaches(archive: Path, tmp_pa
 
     memory: Any = fsspec.filesystem("memory")
     memory.put(str(archive), "/in", recursive=True)
-    source, target = RemoteFolder.of("memory://in"), RemoteFolder.of("memory://out")
+    source, target = RemoteFolder.from_url("memory://in"), RemoteFolder.from_url("memory://out")
     calibration = a_calibration("cal-1").model_dump_json()
     scans = sorted(source.list_marks())
     assert scans == ["2026/fender", "2026/roof", "door", "hood"]

@@ -85,7 +85,7 @@ def controller(answers: Path, monkeypatch: pytest.MonkeyPatch) -> RwsAdministrat
 
 async def test_a_set_up_of_that_controller_finds_nothing_that_stops_it(controller: RwsAdministration) -> None:
     files = program_files(DEPLOYED, 7, called=False, egm="192.168.125.99")
-    package = Package.of("handeyed", files, RapidNames())
+    package = Package.from_files("handeyed", files, RapidNames())
     survey = await read_survey(controller, package.fragments.values(), package.paths, (), "T_ROB1")
     assert list(survey.tasks) == ["SC_CBC", "T_ROB1", "T_GOFA_LED", "T_COMM"]
     assert str(survey.reached) == "192.168.125.1 (X6, Private)"

@@ -38,7 +38,7 @@ class Package:
     names: RapidNames = field(default_factory=RapidNames)
 
     @classmethod
-    def of(cls, folder: str, files: Mapping[str, bytes], names: RapidNames) -> "Package":
+    def from_files(cls, folder: str, files: Mapping[str, bytes], names: RapidNames) -> "Package":
         """The shipped files for an arm of those names, in that folder."""
         renamed = names.rename_all({name: content.decode("ascii") for name, content in files.items()})
         there = {name: text.replace("HOME:/handeyed/", f"HOME:/{folder}/") for name, text in renamed.items()}
