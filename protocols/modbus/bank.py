@@ -1,26 +1,29 @@
-"""The interface of a server's registers and bits, and the execution of requests on it."""
+"""The interface of a server's registers and bits, and the answers to requests for them."""
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from protocols.modbus.codes import ERROR_BIT, ExceptionCode, Function
-from protocols.modbus.errors import ModbusException
-from protocols.modbus.requests import (
-    COIL_OFF,
-    COIL_ON,
-    READ_DEVICE_IDENTIFICATION,
-    MaskWrite,
-    ReadBits,
-    ReadIdentification,
-    ReadWords,
-    ReadWriteWords,
-    Request,
-    WriteBits,
-    WriteWords,
-    parse_request,
+from protocols.modbus.codes import (
+    ERROR_BIT,
+    MAX_READ_BITS,
+    MAX_READ_WORDS,
+    MAX_READ_WRITE_WORDS,
+    MAX_WRITE_BITS,
+    MAX_WRITE_WORDS,
+    ExceptionCode,
+    Function,
 )
+from protocols.modbus.errors import ModbusException
+
+COIL_ON, COIL_OFF = 0xFF00, 0x0000
+READ_DEVICE_IDENTIFICATION = 14
+"""MEI type 14, the only encapsulated transport supported."""
+ONE_OBJECT = 4
+"""Level of identification that asks for one object; those below ask for a stream of them."""
+CONFORMITY = 0x82
+"""Regular identification, as a stream and object by object."""
 
 
 class Bank(Protocol):
@@ -53,54 +56,133 @@ class Identification:
 
 def respond(pdu: bytes, bank: Bank, identification: Identification) -> bytes:
     """Execute a request PDU and return the reply PDU, which may be an exception reply."""
+    function, data = (pdu[0] if pdu else 0), pdu[1:]
     try:
-        return _execute(parse_request(pdu), bank, identification)
+        if function == Function.ENCAPSULATED:
+            return bytes([function]) + _identify(data, identification)
+        if function not in _ANSWERS:
+            raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION, f"function {function} is not supported")
+        return bytes([function]) + _ANSWERS[function](bank, Function(function), data)
     except ModbusException as refused:
-        function = pdu[0] if pdu else 0
-        return bytes([function & 0x7F | ERROR_BIT, refused.code])
+        code = refused.code
+    except struct.error:
+        code = ExceptionCode.ILLEGAL_DATA_VALUE
+    return bytes([function & ~ERROR_BIT | ERROR_BIT, code])
 
 
-def _execute(request: Request, bank: Bank, identification: Identification) -> bytes:
-    match request:
-        case ReadBits(function, address, count):
-            bits = sum(bool(bit) << place for place, bit in enumerate(bank.bits(function, address, count)))
-            size = (count + 7) // 8
-            return bytes([function, size]) + bits.to_bytes(size, "little")
-        case ReadWords(function, address, count):
-            return _words_reply(function, bank.words(function, address, count))
-        case WriteBits(function, address, values):
-            bank.write_bits(address, values)
-            coil = COIL_ON if values[0] else COIL_OFF
-            return struct.pack(">BHH", function, address, coil if function is Function.WRITE_COIL else len(values))
-        case WriteWords(function, address, values):
-            bank.write_words(address, values)
-            single = function is Function.WRITE_REGISTER
-            return struct.pack(">BHH", function, address, values[0] if single else len(values))
-        case MaskWrite(address, and_mask, or_mask):
-            (word,) = bank.words(Function.READ_HOLDING_REGISTERS, address, 1)
-            bank.write_words(address, (request.apply(word),))
-            return struct.pack(">BHHH", Function.MASK_WRITE_REGISTER, address, and_mask, or_mask)
-        case ReadWriteWords(read_address, read_count, write_address, values):
-            bank.words(Function.READ_HOLDING_REGISTERS, read_address, read_count)  # check the read before writing
-            bank.write_words(write_address, values)
-            read = bank.words(Function.READ_HOLDING_REGISTERS, read_address, read_count)
-            return _words_reply(Function.READ_WRITE_REGISTERS, read)
-        case ReadIdentification(level, object_id):
-            return _identification_reply(level, object_id, identification)
+# What follows the function code in the reply. Each raises ModbusException, and struct.error for missing bytes.
 
 
-def _words_reply(function: Function, words: Sequence[int]) -> bytes:
-    return struct.pack(f">BB{len(words)}H", function, 2 * len(words), *words)
+def _read_bits(bank: Bank, function: Function, data: bytes) -> bytes:
+    address, count = _range(data, MAX_READ_BITS)
+    bits = sum(bool(bit) << place for place, bit in enumerate(bank.bits(function, address, count)))
+    size = (count + 7) // 8
+    return bytes([size]) + bits.to_bytes(size, "little")
 
 
-def _identification_reply(level: int, object_id: int, identification: Identification) -> bytes:
+def _read_words(bank: Bank, function: Function, data: bytes) -> bytes:
+    words = bank.words(function, *_range(data, MAX_READ_WORDS))
+    return struct.pack(f">B{len(words)}H", 2 * len(words), *words)
+
+
+def _write_coil(bank: Bank, function: Function, data: bytes) -> bytes:
+    address, value = struct.unpack(">HH", data)
+    if value not in (COIL_ON, COIL_OFF):
+        raise _bad_value(f"a coil of {value:#06x}, where ff00 or 0000 are allowed")
+    bank.write_bits(address, [value == COIL_ON])
+    return data
+
+
+def _write_register(bank: Bank, function: Function, data: bytes) -> bytes:
+    address, value = struct.unpack(">HH", data)
+    bank.write_words(address, [value])
+    return data
+
+
+def _write_coils(bank: Bank, function: Function, data: bytes) -> bytes:
+    address, count, values = _values(data, MAX_WRITE_BITS, bits_each=1)
+    bank.write_bits(address, bits_of(values, count))
+    return data[:4]
+
+
+def _write_registers(bank: Bank, function: Function, data: bytes) -> bytes:
+    address, count, values = _values(data, MAX_WRITE_WORDS, bits_each=16)
+    bank.write_words(address, struct.unpack(f">{count}H", values))
+    return data[:4]
+
+
+def _mask_write(bank: Bank, function: Function, data: bytes) -> bytes:
+    """The register becomes (it AND and_mask) OR (or_mask AND NOT and_mask)."""
+    address, and_mask, or_mask = struct.unpack(">HHH", data)
+    (word,) = bank.words(Function.READ_HOLDING_REGISTERS, address, 1)
+    bank.write_words(address, [(word & and_mask) | (or_mask & ~and_mask)])
+    return data
+
+
+def _read_write(bank: Bank, function: Function, data: bytes) -> bytes:
+    """Write first, then read; what cannot be read is not written either."""
+    read, (address, count, values) = data[:4], _values(data[4:], MAX_READ_WRITE_WORDS, bits_each=16)
+    _read_words(bank, Function.READ_HOLDING_REGISTERS, read)
+    bank.write_words(address, struct.unpack(f">{count}H", values))
+    return _read_words(bank, Function.READ_HOLDING_REGISTERS, read)
+
+
+def _identify(data: bytes, identification: Identification) -> bytes:
     """A stream restarts at object 0 when the requested object does not exist; a single object must exist."""
-    objects = identification.objects(3 if level == 4 else level)
-    if object_id not in objects:
-        if level == 4:
-            raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS, f"there is no object {object_id}")
-        object_id = 0
-    numbers = [object_id] if level == 4 else [number for number in objects if number >= object_id]
-    conformity = 0x82  # regular identification, as a stream and object by object
-    head = [Function.ENCAPSULATED, READ_DEVICE_IDENTIFICATION, level, conformity, 0, 0, len(numbers)]
+    kind, level, object_id = struct.unpack(">BBB", data)
+    if kind != READ_DEVICE_IDENTIFICATION:
+        raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION, f"encapsulated transport {kind} is not supported")
+    if not 1 <= level <= ONE_OBJECT:
+        raise _bad_value(f"a level of identification of {level}, where 1 to {ONE_OBJECT} are allowed")
+    objects = identification.objects(level)
+    if level == ONE_OBJECT and object_id not in objects:
+        raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS, f"there is no object {object_id}")
+    first = object_id if object_id in objects else 0
+    numbers = [first] if level == ONE_OBJECT else [number for number in objects if number >= first]
+    head = [kind, level, CONFORMITY, 0, 0, len(numbers)]
     return bytes(head) + b"".join(bytes([number, len(objects[number])]) + objects[number] for number in numbers)
+
+
+_ANSWERS: dict[int, Callable[[Bank, Function, bytes], bytes]] = {
+    Function.READ_COILS: _read_bits,
+    Function.READ_DISCRETE_INPUTS: _read_bits,
+    Function.READ_HOLDING_REGISTERS: _read_words,
+    Function.READ_INPUT_REGISTERS: _read_words,
+    Function.WRITE_COIL: _write_coil,
+    Function.WRITE_REGISTER: _write_register,
+    Function.WRITE_COILS: _write_coils,
+    Function.WRITE_REGISTERS: _write_registers,
+    Function.MASK_WRITE_REGISTER: _mask_write,
+    Function.READ_WRITE_REGISTERS: _read_write,
+}
+
+
+def bits_of(data: bytes, count: int) -> tuple[bool, ...]:
+    """Unpack `count` bits; the first is the lowest of the first byte."""
+    return tuple(bool(data[i // 8] >> (i % 8) & 1) for i in range(count))
+
+
+def _range(data: bytes, most: int) -> tuple[int, int]:
+    """Address and quantity of a request that reads."""
+    address, count = struct.unpack(">HH", data)
+    _require_count(count, most)
+    return address, count
+
+
+def _values(data: bytes, most: int, bits_each: int) -> tuple[int, int, bytes]:
+    """Address, quantity and values, of `bits_each`, of a request that writes several."""
+    address, count, promised = struct.unpack(">HHB", data[:5])
+    _require_count(count, most)
+    wanted = (count * bits_each + 7) // 8
+    if not promised == len(data) - 5 == wanted:
+        raise _bad_value(f"{len(data) - 5} bytes of values, {promised} promised, {wanted} needed")
+    return address, count, data[5:]
+
+
+def _require_count(count: int, most: int) -> None:
+    if not 1 <= count <= most:
+        raise _bad_value(f"a quantity of {count}, where 1 to {most} are allowed")
+
+
+def _bad_value(what: str) -> ModbusException:
+    return ModbusException(ExceptionCode.ILLEGAL_DATA_VALUE, what)

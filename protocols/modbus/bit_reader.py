@@ -25,8 +25,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 
+from protocols.modbus.bank import bits_of
 from protocols.modbus.codes import ERROR_BIT, MAX_READ_BITS, ExceptionCode, Function
-from protocols.modbus.requests import ReadBits, bits_of
 
 Bit = tuple[Function, int]
 """READ_COILS or READ_DISCRETE_INPUTS, and an address."""
@@ -42,6 +42,15 @@ MAX_UNANSWERED = 2
 """Attempts of a question the device need not support; then another one is tried."""
 NO_SUCH_BITS = (ExceptionCode.ILLEGAL_DATA_ADDRESS, ExceptionCode.ILLEGAL_DATA_VALUE)
 OTHER = {Function.READ_COILS: Function.READ_DISCRETE_INPUTS, Function.READ_DISCRETE_INPUTS: Function.READ_COILS}
+
+
+@dataclass(frozen=True)
+class ReadBits:
+    """A question for `count` bits: READ_COILS or READ_DISCRETE_INPUTS."""
+
+    function: Function
+    address: int
+    count: int
 
 
 class AnswerKind(Enum):
