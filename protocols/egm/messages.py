@@ -12,16 +12,7 @@ EgmSensor: 1 header {1 seqno, 2 tm, 3 mtype}, 2 planned {1 joints, 2 cartesian {
 from dataclasses import dataclass
 from enum import IntEnum
 
-from protocols.egm.protobuf import (
-    NotProtobuf,
-    Value,
-    double_field,
-    doubles,
-    doubles_by_tags,
-    fields,
-    integer_field,
-    message_field,
-)
+from protocols.egm.protobuf import Message, NotProtobuf, double_field, integer_field, message_field
 
 
 class MessageType(IntEnum):
@@ -58,65 +49,30 @@ class RobotSample:
 def decode(data: bytes) -> RobotSample:
     """Decode a packet. Raises NotEgm."""
     try:
-        return _decode(data)
-    except (NotProtobuf, TypeError, AttributeError) as error:
+        return _decode(Message(data))
+    except NotProtobuf as error:
         raise NotEgm(str(error)) from error
 
 
-def _decode(data: bytes) -> RobotSample:
-    parts = dict(fields(data))
-    header, feedback = dict(fields(_message_field(parts, 1))), dict(fields(_message_field(parts, 2)))
-    if header.get(3) != MessageType.DATA:
-        raise NotProtobuf(f"a header of type {header.get(3)!r}, not of a robot's data")
+def _decode(packet: Message) -> RobotSample:
+    header, feedback = packet.message(1), packet.message(2)
+    if header.integer(3) != MessageType.DATA:
+        raise NotProtobuf(f"a header of type {header.integer(3)}, not of a robot's data")
     if 2 not in feedback:
         raise NotEgm("joints only", "without a Cartesian pose")
-    pose = dict(fields(_message_field(feedback, 2)))
-    x, y, z = _doubles_by_field(_message_field(pose, 1), 3)
-    u0, u1, u2, u3 = _doubles_by_field(_message_field(pose, 2), 4)
-    clock = dict(fields(_message_field(feedback, 4))) if 4 in feedback else {}
+    position, rotation = feedback.message(2).message(1), feedback.message(2).message(2)
+    clock = feedback.optional(4)
     return RobotSample(
-        seqno=_integer_field(header, 1),
-        robot_ms=_integer_field(header, 2),
-        joints_deg=_double_list(_message_field(feedback, 1)),
-        position_mm=(x, y, z),
-        quaternion_wxyz=(u0, u1, u2, u3),
-        external_axes=_double_list(_message_field(feedback, 3)) if 3 in feedback else (),
-        time_us=_integer_field(clock, 1) * 1_000_000 + _integer_field(clock, 2),
-        motors_on=4 in parts and dict(fields(_message_field(parts, 4))).get(1) == 1,
-        program_running=8 in parts and dict(fields(_message_field(parts, 8))).get(1) == 2,
+        seqno=header.integer(1),
+        robot_ms=header.integer(2),
+        joints_deg=feedback.message(1).doubles(only=1),
+        position_mm=(position.double(1), position.double(2), position.double(3)),
+        quaternion_wxyz=(rotation.double(1), rotation.double(2), rotation.double(3), rotation.double(4)),
+        external_axes=feedback.optional(3).doubles(only=1),
+        time_us=clock.integer(1) * 1_000_000 + clock.integer(2),
+        motors_on=packet.optional(4).integer(1) == 1,
+        program_running=packet.optional(8).integer(1) == 2,
     )
-
-
-def _message_field(parts: dict[int, Value], number: int) -> bytes:
-    value = parts.get(number)
-    if not isinstance(value, bytes):
-        raise NotProtobuf(f"field {number} holds no message")
-    return value
-
-
-def _integer_field(parts: dict[int, Value], number: int) -> int:
-    value = parts.get(number, 0)
-    if not isinstance(value, int):
-        raise NotProtobuf(f"no whole number in field {number}")
-    return value
-
-
-def _doubles_by_field(data: bytes, count: int) -> list[float]:
-    """Doubles of fields 1 to `count`, each of which must be present."""
-    at_once = doubles_by_tags(data, range(1, count + 1))
-    if at_once is not None:
-        return list(at_once)
-    parts = dict(fields(data))
-    values = [parts.get(number) for number in range(1, count + 1)]
-    if not all(isinstance(value, float) for value in values):
-        raise NotProtobuf(f"no {count} numbers")
-    return [value for value in values if isinstance(value, float)]
-
-
-def _double_list(data: bytes) -> tuple[float, ...]:
-    """Doubles of field 1, repeated singly or packed."""
-    at_once = doubles_by_tags(data, (1,) * (len(data) // 9))
-    return _numbers(data, only=1) if at_once is None else at_once
 
 
 def encode(sample: RobotSample) -> bytes:
@@ -161,27 +117,14 @@ class Correction:
 def decode_correction(data: bytes) -> Correction:
     """Decode a packet. Raises NotEgm."""
     try:
-        parts = dict(fields(data))
-        header, planned = dict(fields(_bytes(parts.get(1)))), dict(fields(_bytes(parts.get(2))))
-        seqno = header.get(1, 0)
-        if header.get(3) == MessageType.PATH_CORRECTION:
-            return Correction(int(seqno), across_path_mm=_numbers(_bytes(planned.get(1))))
-        if header.get(3) != MessageType.CORRECTION:
-            raise NotProtobuf(f"a header of type {header.get(3)!r}, not of a correction")
-        pose = dict(fields(_bytes(planned.get(2))))
-        return Correction(
-            int(seqno), _numbers(_bytes(planned.get(1))), _numbers(_bytes(pose.get(1))), _numbers(_bytes(pose.get(2)))
-        )
-    except (NotProtobuf, TypeError, ValueError) as error:
+        packet = Message(data)
+        header, planned = packet.message(1), packet.optional(2)
+        first = planned.optional(1).doubles()
+        if header.integer(3) == MessageType.PATH_CORRECTION:
+            return Correction(header.integer(1), across_path_mm=first)
+        if header.integer(3) != MessageType.CORRECTION:
+            raise NotProtobuf(f"a header of type {header.integer(3)}, not of a correction")
+        pose = planned.optional(2)
+        return Correction(header.integer(1), first, pose.optional(1).doubles(), pose.optional(2).doubles())
+    except NotProtobuf as error:
         raise NotEgm(str(error)) from error
-
-
-def _bytes(value: Value | None) -> bytes:
-    """A nested message; an empty one where there is none."""
-    return value if isinstance(value, bytes) else b""
-
-
-def _numbers(data: bytes, only: int | None = None) -> tuple[float, ...]:
-    """Doubles in the order of their fields, repeated singly or packed; `only`: of that field alone."""
-    values = (value for number, value in fields(data) if only in (None, number))
-    return tuple(x for value in values for x in (doubles(value) if isinstance(value, bytes) else (float(value),)))

@@ -52,20 +52,54 @@ def _decode_varint(data: bytes, at: int) -> tuple[int, int]:
     raise NotProtobuf("a number is cut off, or longer than 64 bits")
 
 
-def doubles_by_tags(data: bytes, numbers: Sequence[int]) -> tuple[float, ...] | None:
-    """Values of a message that consists of exactly these double fields in this order (fast path); otherwise None."""
-    if len(data) != 9 * len(numbers):
-        return None
-    flat = struct.unpack("<" + "Bd" * len(numbers), data)
-    keys = tuple(number << 3 | FIXED64 for number in numbers)
-    return flat[1::2] if flat[::2] == keys else None
+class Message:
+    """A message's fields by number; of one that is repeated the last, but for `doubles`. All raise NotProtobuf."""
+
+    def __init__(self, data: bytes) -> None:
+        self._fields = tuple(fields(data))
+        self._last = dict(self._fields)
+
+    def __contains__(self, number: int) -> bool:
+        return number in self._last
+
+    def message(self, number: int) -> "Message":
+        """The message in a field, which must be there."""
+        value = self._last.get(number)
+        if not isinstance(value, bytes):
+            raise NotProtobuf(f"field {number} holds no message")
+        return Message(value)
+
+    def optional(self, number: int) -> "Message":
+        """The message in a field; one without fields where there is none."""
+        return self.message(number) if number in self._last else Message(b"")
+
+    def integer(self, number: int) -> int:
+        """The whole number in a field; 0 where there is none."""
+        value = self._last.get(number, 0)
+        if not isinstance(value, int):
+            raise NotProtobuf(f"no whole number in field {number}")
+        return value
+
+    def double(self, number: int) -> float:
+        """The double in a field, which must be there."""
+        value = self._last.get(number)
+        if not isinstance(value, float):
+            raise NotProtobuf(f"no number in field {number}")
+        return value
+
+    def doubles(self, only: int | None = None) -> tuple[float, ...]:
+        """Doubles in the order of their fields, repeated singly or packed; `only`: of that field alone."""
+        found: list[float] = []
+        for number, value in self._fields:
+            if only in (None, number):
+                found += _unpack(value) if isinstance(value, bytes) else (float(value),)
+        return tuple(found)
 
 
-def doubles(data: bytes) -> list[float]:
-    """Decode a packed list of doubles. Raises NotProtobuf."""
-    if len(data) % 8:
-        raise NotProtobuf(f"{len(data)} bytes are no list of doubles")
-    return list(struct.unpack(f"<{len(data) // 8}d", data))
+def _unpack(packed: bytes) -> Sequence[float]:
+    if len(packed) % 8:
+        raise NotProtobuf(f"{len(packed)} bytes are no list of doubles")
+    return struct.unpack(f"<{len(packed) // 8}d", packed)
 
 
 def integer_field(number: int, value: int) -> bytes:
