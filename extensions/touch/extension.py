@@ -8,10 +8,8 @@ from daemon.api.schemas.drift import DriftTouchDocument
 from daemon.application import Application
 from daemon.store.damaged_rows import split_damaged
 from daemon.store.documents import DocumentRecord
-from extensions.touch.routes import router
-from extensions.touch.schemas import StoredTouch
-from extensions.touch.tables import TOUCH_TESTS
-from extensions.touch.touch_tests import StoredTouchTest
+from extensions.touch.routes import StoredTouch, router
+from extensions.touch.touch_tests import TOUCH_TESTS, StoredTouchTest
 
 
 async def _rebuild(app: Application, touch_id: str) -> Rebuilt:

@@ -4,20 +4,44 @@ from typing import Annotated
 
 from fastapi import Depends, Request, Response
 
+from calibration.documents.tip import TipDocument
+from calibration.documents.touch_test import TouchTestDocument
+from calibration.documents.touches import TouchesDocument
 from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, api_router, respond_rows
 from daemon.api.negotiation import or_text, respond, respond_created
 from daemon.api.problems import problem_responses
 from daemon.api.routes.runs import STARTED, answer_run_start
+from daemon.api.schemas.answer import Answer, StoredAnswer
 from daemon.api.schemas.runs import RunDocument
 from daemon.application import Application
+from daemon.store.documents import DocumentRecord
 from extensions.touch.approach import TouchApproach
 from extensions.touch.mathematics.report import touch_test_text
 from extensions.touch.requests import ApproachRequest, TouchRequest
-from extensions.touch.schemas import StoredTouch, TouchList
-from extensions.touch.tables import TOUCH_TESTS
-from extensions.touch.touch_tests import TouchTests
+from extensions.touch.touch_tests import TOUCH_TESTS, StoredTouchTest, TouchTests
 
 router = api_router(tags=["calibrate"])
+
+
+class StoredTouch(StoredAnswer):
+    """A touch test, and what it was made from. `verification`: the run that saw the points, or null."""
+
+    verification: str | None
+    tip: TipDocument
+    touches: TouchesDocument
+    result: TouchTestDocument
+
+    @classmethod
+    def of_record(cls, record: DocumentRecord) -> "StoredTouch":
+        return cls(**vars(record), **vars(record.parsed(StoredTouchTest)))
+
+
+class TouchList(Answer):
+    """The newest first; `next` asks for those before them. `damaged`: ids of rows that cannot be read."""
+
+    touches: list[StoredTouch]
+    damaged: list[str]
+    next: str | None
 
 
 @router.post(

@@ -24,7 +24,7 @@ from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.store.actor import current_audit_context
-from daemon.store.documents import DocumentRecord
+from daemon.store.documents import DocumentKind, DocumentRecord
 from daemon.store.store import Store
 from extensions.touch.mathematics.report import (
     SeenPoint,
@@ -34,7 +34,8 @@ from extensions.touch.mathematics.report import (
 )
 from extensions.touch.mathematics.with_arm import touch_test_with_arm, touches_in_use
 from extensions.touch.requests import ApproachRequest, TouchRequest
-from extensions.touch.tables import TOUCH_TESTS
+
+TOUCH_TESTS = DocumentKind("touch_tests", "touch", "calibration_id")
 
 _refusal = partial(DocumentError.one, "request body")
 MAX_TOUCHES = 100

@@ -99,7 +99,18 @@ def touch_test(
     mount_T_camera, covariance = _mapping(calibration)
     points = _seen(touches.touches, seen, calibration, origin)
     with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond all measure are refused where they arrive
-        return _evaluate(calibration, tip, touches, points, mount_T_camera, covariance, tolerance_mm, arm)
+        seen_mm, mapping, looks = _in_base(points, mount_T_camera, covariance, calibration, arm)
+        base_T_flange = np.array([touch.base_T_flange.transform() for touch in touches.touches if touch.base_T_flange])
+        tips_mm = np.broadcast_to(np.array(tip.flange_tip_mm), (len(points), 3))
+        touched_mm = map_points(base_T_flange, tips_mm[:, None])[:, 0] + [touch.miss_mm for touch in touches.touches]
+        if arm is not None:  # [X, the arm's errors] move the touched points, too
+            rows = mapping.rows.copy()
+            rows[:, :, 6:] -= arm.rows(base_T_flange, tips_mm, arm.touched_rad)
+            mapping = SharedError(rows, mapping.covariance)
+        own = _own(points, base_T_flange, tip, touches.placing_sigma_mm, calibration, arm)
+        shared = [tip_error(base_T_flange, np.array(tip.covariance)), *looks]
+        found = evaluate_touch_test(seen_mm, touched_mm, mapping, shared, own, tolerance_mm)
+        return _document(found, calibration.id, tip, touches.touches, seen_mm, touched_mm)
 
 
 def sighting_of(
@@ -116,30 +127,6 @@ def sighting_of(
     looks = np.einsum("kij,kj->ki", base_R_camera, point.camera_mm)
     seen_mm = seen_points_mm(point.base_T_mount, mount_T_camera, point.camera_mm)
     return Sighting(seen_mm.mean(axis=0), looks / np.linalg.norm(looks, axis=1, keepdims=True))
-
-
-def _evaluate(
-    calibration: CalibrationDocument,
-    tip: TipDocument,
-    touches: TouchesDocument,
-    points: Sequence[SeenPoint],
-    mount_T_camera: Array,
-    covariance: Array,
-    tolerance_mm: float | None,
-    arm: TouchingArm | None,
-) -> TouchTestDocument:
-    seen_mm, mapping, looks = _in_base(points, mount_T_camera, covariance, calibration, arm)
-    base_T_flange = np.array([touch.base_T_flange.transform() for touch in touches.touches if touch.base_T_flange])
-    tips_mm = np.broadcast_to(np.array(tip.flange_tip_mm), (len(points), 3))
-    touched_mm = map_points(base_T_flange, tips_mm[:, None])[:, 0] + [touch.miss_mm for touch in touches.touches]
-    if arm is not None:  # [X, the arm's errors] move the touched points, too
-        rows = mapping.rows.copy()
-        rows[:, :, 6:] -= arm.rows(base_T_flange, tips_mm, arm.touched_rad)
-        mapping = SharedError(rows, mapping.covariance)
-    own = _own(points, base_T_flange, tip, touches.placing_sigma_mm, calibration, arm)
-    shared = [tip_error(base_T_flange, np.array(tip.covariance)), *looks]
-    found = evaluate_touch_test(seen_mm, touched_mm, mapping, shared, own, tolerance_mm)
-    return _document(found, calibration.id, tip, touches.touches, seen_mm, touched_mm)
 
 
 def _mapping(calibration: CalibrationDocument) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from daemon.store.documents import DocumentRecord
-from extensions.touch.tables import TOUCH_TESTS
+from extensions.touch.touch_tests import TOUCH_TESTS
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.damage import DOCUMENTS, OTHER_JSON, damage
