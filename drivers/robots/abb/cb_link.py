@@ -73,7 +73,7 @@ class CbLink(ControllerLink):
             self._last_seq = session.last_seq
             for task in (listening, beating):
                 task.cancel()
-            hanging_up = asyncio.create_task(_hang_up(connection, listening, beating), name=f"leaves {self.device}")
+            hanging_up = asyncio.create_task(hang_up(connection, listening, beating), name=f"leaves {self.device}")
             self._hanging_up.add(hanging_up)
             hanging_up.add_done_callback(self._hanging_up.discard)
             await asyncio.shield(hanging_up)  # shielded, so that a concurrent close cannot leave the port open
@@ -99,6 +99,7 @@ class CbLink(ControllerLink):
         self._report.down(f"{error.what}: {error.fix}")
 
 
-async def _hang_up(connection: Connection, *tasks: "asyncio.Task[None]") -> None:
+async def hang_up(connection: Connection, *tasks: "asyncio.Task[None]") -> None:
+    """Close the connection once the cancelled tasks have left it."""
     await asyncio.gather(*tasks, return_exceptions=True)
     await connection.close()

@@ -1,10 +1,10 @@
 """One connection: requests and answers, heartbeats, and its end. It does not survive a reconnect."""
 
 import asyncio
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost
 from drivers.timing import Timing
@@ -82,11 +82,22 @@ ExchangeResult = ReplyReceived | DeviceError | OvertakenByStop
 
 @dataclass(frozen=True)
 class Answered:
-    """A reply, its request's number, and when the request was first sent: the reply is not older."""
+    """A reply, its request's number, when the request was first sent (the reply is not older), and how long it took."""
 
     reply: Reply
     seq: int
     asked_at_s: float
+    seconds: float
+
+
+@dataclass
+class WireCounts:
+    """What passed in a conversation. `strange`: events other than answers, by kind."""
+
+    answers: int = 0
+    repeats: int = 0
+    pieces: int = 0
+    strange: Counter[str] = field(default_factory=Counter)
 
 
 @dataclass(frozen=True)
@@ -117,6 +128,7 @@ class CbConversation:
         self._answered_at_s = timing.clock()
         self._garbage_bytes = 0
         self._patience_s = REPEAT_AFTER_S
+        self.counts = WireCounts()
         self.lost: asyncio.Future[DeviceError] = asyncio.get_running_loop().create_future()
 
     async def greet(self) -> Welcome:
@@ -172,11 +184,12 @@ class CbConversation:
             await self._send(encoded)
             if not await self._timing.wait_until_done(outcome, min(patience_s, remaining_s)):
                 patience_s = min(2.0 * patience_s, MAX_REPEAT_S)
+                self.counts.repeats += 1
         self._patience_s = max(patience_s / 2.0, REPEAT_AFTER_S)
         ended = outcome.result()
         if not isinstance(ended, ReplyReceived):
             raise ended
-        return Answered(ended.reply, ended.seq, asked_at_s)
+        return Answered(ended.reply, ended.seq, asked_at_s, self._timing.clock() - asked_at_s)
 
     async def listen(self) -> None:
         """Process received bytes until the connection ends."""
@@ -190,6 +203,7 @@ class CbConversation:
                     self._take(self.session.abandon_half_frame())
                     continue
                 data, receiving = await receiving, None
+                self.counts.pieces += 1
                 self._take(self.session.receive_data(data))
         except DeviceError as error:
             self.lose(error)
@@ -228,6 +242,10 @@ class CbConversation:
 
     def _take(self, events: list[ClientEvent]) -> None:
         for event in events:
+            if isinstance(event, ReplyReceived):
+                self.counts.answers += 1
+            else:
+                self.counts.strange[type(event).__name__] += 1
             match event:
                 case ReplyReceived():
                     self._answered_at_s, self._garbage_bytes = self._timing.clock(), 0

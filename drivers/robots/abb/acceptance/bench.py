@@ -13,7 +13,8 @@ from drivers.errors import DeviceError, MoveFailed
 from drivers.interfaces import MoveGoal, PoseReading
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.acceptance.person import KEY, ROOM, Answer, Person, Step
-from drivers.robots.abb.acceptance.wire import Exchange, Wire
+from drivers.robots.abb.acceptance.wire import Wire
+from drivers.robots.abb.cb_session import Answered
 from drivers.robots.abb.cb_status_errors import MoveMonitor
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.administration import RwsAdministration
@@ -146,7 +147,7 @@ class Bench:
         """Axis angles (6,) in degrees."""
         return np.array(self.expect(await wire.ask(GetJoints()), Joints).axes_deg)
 
-    def expect(self, exchange: Exchange, kind: type[Kind]) -> Kind:
+    def expect(self, exchange: Answered, kind: type[Kind]) -> Kind:
         """The answer, of that kind. Raises RowFailed for a refusal."""
         if not isinstance(exchange.reply, kind):
             named = exchange.reply.name if isinstance(exchange.reply, Refused) else type(exchange.reply).__name__
@@ -162,8 +163,7 @@ class Bench:
 
     async def arm(self, wire: Wire) -> None:
         """Allow motion in this connection."""
-        assert wire.welcome is not None
-        refused = await self.refusal(wire, SetArmed(wire.welcome.session, True))
+        refused = await self.refusal(wire, SetArmed(wire.session, True))
         if refused:
             raise RowFailed(f"arming was refused: {refused}")
 
@@ -253,11 +253,10 @@ class Bench:
         """A greeted connection, as soon as the controller answers. Raises the last error after the limit."""
         ends_s = self.timing.clock() + limit_s
         while True:
-            wire = self._wire = Wire(self.transport, self.timing)
             try:
-                return await wire.open()
+                self._wire = wire = await Wire.open(self.transport, self.timing)
+                return wire
             except DeviceError:
-                await self.close(wire, politely=False)
                 if self.timing.clock() >= ends_s:
                     raise
                 await self.timing.sleep(BEAT_S)

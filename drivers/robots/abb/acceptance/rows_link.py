@@ -8,7 +8,8 @@ from calibration.transforms import difference
 from drivers.errors import DeviceError
 from drivers.robots.abb.acceptance.bench import Bench, RowFailed, RowSkipped, goal_of
 from drivers.robots.abb.acceptance.person import EVENT, PENDANT
-from drivers.robots.abb.acceptance.wire import Wire, WireCounts
+from drivers.robots.abb.acceptance.wire import Wire
+from drivers.robots.abb.cb_session import WireCounts
 from drivers.robots.abb.egm_vibration import EgmMonitor
 from drivers.robots.abb.robtarget import UNUSED_AXES
 from drivers.robots.abb.setup.requirements import findings
@@ -220,16 +221,14 @@ async def read_often(bench: Bench) -> Measured:
 async def second_client(bench: Bench) -> Measured:
     """A second client is refused BUSY, and the first goes on."""
     async with bench.wire() as wire:
-        other = Wire(bench.transport, bench.timing)
         try:
-            await other.open()
+            other = await Wire.open(bench.transport, bench.timing)
         except DeviceError as refused:
             if "BUSY" not in refused.what:
                 raise RowFailed(f"the second client saw: {refused.what}") from refused
         else:
-            raise RowFailed("a second client was served")
-        finally:
             await other.close(politely=False)
+            raise RowFailed("a second client was served")
         await bench.report(wire)
     return {}
 

@@ -216,7 +216,7 @@ async def _lose(
         await bench.arm(wire)
         goal = bench.away(home, speed_mm_s)
         _, left = await bench.under_way(wire, goal)
-        session = wire.welcome.session if wire.welcome else 0
+        session = wire.session
         if act is not None:
             await bench.ask_person(act)
             left = await _last_pose(bench, wire, left)
@@ -235,7 +235,7 @@ async def _lose(
         stood, flags = await bench.pose(wire), (await bench.report(wire)).flags
         await bench.stays(wire, min(1.0, limits.stand_s))
         travelled_mm, _ = difference(left.base_T_flange, stood.base_T_flange)
-        if restarts and wire.welcome and wire.welcome.session == session:
+        if restarts and wire.session == session:
             raise RowFailed("the session number is that of before: the controller did not restart")
         if flags & Flag.ARMED:
             raise RowFailed("still armed after the reconnection")
@@ -312,11 +312,11 @@ async def stop_program(bench: Bench) -> Measured:
 async def restart(bench: Bench) -> Measured:
     """A restart begins a new session, disarmed; the link answers again by itself."""
     async with bench.wire() as wire:
-        before = wire.welcome.session if wire.welcome else 0
+        before = wire.session
     began_s = bench.timing.clock()
     await bench.ask_person(person.RESTART)
     async with bench.wire(patient=True) as wire:
-        after = wire.welcome.session if wire.welcome else 0
+        after = wire.session
         flags = (await bench.report(wire)).flags
     if after == before:
         raise RowFailed(f"the session number is still {before}")
