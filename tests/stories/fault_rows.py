@@ -153,7 +153,7 @@ VIEW_ROWS = (
         None,
         "nothing: pictures need no mastership; an upload of modules is refused with its holder",
     ),
-    ViewRow("rws-subscription-gone", None, "nothing: it is detected, logged, and opened again"),
+    ViewRow("rws-subscription-gone", None, "nothing: the state is polled, and pictures need no events"),
     ViewRow("egm-silent", "device-timeout", "samples came within 0.25 s", MUTE),
     ViewRow("egm-loss", None, "nothing: four packets of five are enough"),
     ViewRow("egm-garbage", "device-timeout", "samples came within 0.25 s", MUTE),

@@ -79,7 +79,7 @@ def controller(answers: Path, monkeypatch: pytest.MonkeyPatch) -> RwsAdministrat
     monkeypatch.setattr(RwsClient, "get", get)
     monkeypatch.setattr(RwsClient, "get_file", get_file)
     session = RwsAdministration(RwsAddress.parse("rws://192.168.125.1"))
-    monkeypatch.setattr(session._client, "dialect", DIALECTS[2])
+    monkeypatch.setattr(session.client, "dialect", DIALECTS[2])
     return session
 
 

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from drivers.errors import AddressNotUnderstood, DeviceUnreachable, GarbledAnswer, RequestRefused
 from drivers.registry import ROBOTS, check_robot_address
+from drivers.robots.abb.acceptance.subscription import events_in
 from drivers.robots.abb.robtarget import UNUSED_AXIS
 from drivers.robots.abb.rws import parsing
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.client import ControllerBusy, error_of_response
 from drivers.robots.abb.rws.dialect import DIALECTS, error_in
-from drivers.robots.abb.rws.link import events_in
 
 ROBTARGET = {"x": "515", "y": "0", "z": "712", "q1": "0.707106769", "q2": "0", "q3": "0.707106769", "q4": "0",
              "cf1": "0", "cf4": "-1", "cf6": "0", "cfx": "1",

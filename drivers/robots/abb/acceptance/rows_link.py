@@ -1,6 +1,8 @@
 """Rows of the link and the services, which nobody has to touch the controller for. Each returns what it measured."""
 
+import asyncio
 from collections import Counter
+from collections.abc import AsyncIterator
 
 import numpy as np
 
@@ -8,6 +10,7 @@ from calibration.transforms import difference
 from drivers.errors import DeviceError
 from drivers.robots.abb.acceptance.bench import Bench, RowFailed, RowSkipped, goal_of
 from drivers.robots.abb.acceptance.person import EVENT, PENDANT
+from drivers.robots.abb.acceptance.subscription import subscribe
 from drivers.robots.abb.acceptance.wire import Wire
 from drivers.robots.abb.cb_session import WireCounts
 from drivers.robots.abb.egm_vibration import EgmMonitor
@@ -20,6 +23,7 @@ from protocols.cb.messages import GetJoints, GetPose, GetStatus, Move, Ping, Req
 
 Measured = dict[str, float | str]
 QUARTER_DEG = 90.0
+EVENT_LIMIT_S = 5.0
 BORDER_DEG = 0.05
 MAX_FRAME_MM, MAX_FRAME_RAD = 1e-2, 1e-4
 EGM_SHARE_LOST, EGM_VIBRATION_MM, EGM_HZ = 0.02, 0.05, 250.0
@@ -88,20 +92,24 @@ async def see_selection(bench: Bench) -> Measured:
 
 async def see_events(bench: Bench) -> Measured:
     """A switch at the controller reaches the subscription."""
-    async with bench.robot_services() as robot:
-        for _ in range(100):
-            if robot.watching:
-                break
-            await bench.timing.sleep(0.05)
-        else:
-            raise RowFailed("no subscription within 5 s")
-        before = robot.newest_event
-        await bench.ask_person(EVENT)
-        for _ in range(100):
-            if robot.newest_event > before:
-                return {"event": float(robot.newest_event)}
-            await bench.timing.sleep(0.05)
+    async with bench.administration() as controller, subscribe(controller.client) as events:
+        arrival = asyncio.create_task(_number_of_event(events))
+        try:
+            await bench.ask_person(EVENT)
+            if await bench.timing.wait_until_done(arrival, EVENT_LIMIT_S) and (number := arrival.result()):
+                return {"event": number}
+        finally:
+            arrival.cancel()
+            await asyncio.gather(arrival, return_exceptions=True)
     raise RowFailed("the subscription is open, and brings no event")
+
+
+async def _number_of_event(events: AsyncIterator[dict[str, str]]) -> float | None:
+    """Number of the next entry of the event log; None when the subscription ends before."""
+    async for event in events:
+        if event.get("seqnum", "").isdecimal():
+            return float(event["seqnum"])
+    return None
 
 
 async def see_clean_line(bench: Bench) -> Measured:

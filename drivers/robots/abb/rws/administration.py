@@ -19,24 +19,24 @@ class RwsAdministration(ControllerReader):
         parent = self._dialect.home
         for name in path.strip("/").split("/"):
             try:
-                await self._client.ask("GET", f"/fileservice/{parent}/{name}", headers=self._dialect.file_headers)
+                await self.client.ask("GET", f"/fileservice/{parent}/{name}", headers=self._dialect.file_headers)
             except RequestRefused as refused:
                 if refused.status != "NOT_FOUND":
                     raise
                 action, form = self._dialect.call("make_folder", parent=parent, name=name)
-                await self._client.post(action, {}, form)
+                await self.client.post(action, {}, form)
             parent = f"{parent}/{name}"
 
     async def write_file(self, path: str, content: bytes) -> None:
         """Write a file below HOME; its folder must exist."""
         place, headers = f"/fileservice/{self._dialect.home}/{path}", self._dialect.file_headers
-        await self._client.ask("PUT", place, content=content, headers=headers)
+        await self.client.ask("PUT", place, content=content, headers=headers)
 
     async def delete_file(self, path: str) -> None:
         """Delete a file or an empty folder below HOME; no effect when there is none."""
         place, headers = f"/fileservice/{self._dialect.home}/{path}", self._dialect.file_headers
         try:
-            await self._client.ask("DELETE", place, headers=headers)
+            await self.client.ask("DELETE", place, headers=headers)
         except RequestRefused as refused:
             if refused.status not in ABSENT:
                 raise
@@ -44,7 +44,7 @@ class RwsAdministration(ControllerReader):
     async def save_backup(self, name: str) -> None:
         """Make a full backup of that name on the controller, and wait for it. Its disk holds it, not HOME."""
         dialect = self._dialect
-        answer = await self._client.post(*dialect.call("backup"), {"backup": f"/fileservice/{dialect.backups}/{name}"})
+        answer = await self.client.post(*dialect.call("backup"), {"backup": f"/fileservice/{dialect.backups}/{name}"})
         progress = urlsplit(answer.headers.get("location", "")).path
         for _ in range(int(BACKUP_LIMIT_S / BACKUP_POLL_S)):
             values = await self.read_first(progress) if progress else {}
@@ -60,28 +60,28 @@ class RwsAdministration(ControllerReader):
     async def save_configuration(self, domain: str, path: str) -> bytes | None:
         """Save a domain to a file below HOME, and return its content."""
         form = {"filepath": f"/fileservice/{self._dialect.home}/{path}"}
-        await self._client.post(*self._dialect.call("save_cfg", domain=domain), form)
+        await self.client.post(*self._dialect.call("save_cfg", domain=domain), form)
         return await self.read_file(path)
 
     @asynccontextmanager
     async def hold_mastership(self, domain: str) -> AsyncIterator[None]:
         """Hold the mastership of `cfg` or `rapid` meanwhile."""
-        await self._client.post(*self._dialect.call("mastership", domain=domain, action="request"), {})
+        await self.client.post(*self._dialect.call("mastership", domain=domain, action="request"), {})
         try:
             yield
         finally:
-            await self._client.post(*self._dialect.call("mastership", domain=domain, action="release"), {})
+            await self.client.post(*self._dialect.call("mastership", domain=domain, action="release"), {})
 
     async def load_configuration(self, path: str) -> None:
         """Load a configuration file of HOME, when it has no duplicates. Needs the mastership of cfg."""
         form = {"filepath": f"{self._dialect.home}/{path}", "action-type": "add"}
-        await self._client.post(*self._dialect.call("load_cfg"), form)
+        await self.client.post(*self._dialect.call("load_cfg"), form)
 
     async def delete_instance(self, domain: str, kind: str, found: ConfigurationInstance) -> None:
         """Delete an instance of the configuration, by its id where it has no title. Needs the mastership of cfg."""
         handle = quote(found.title or found.instance_id, safe="")
-        await self._client.delete(f"/rw/cfg/{domain}/{kind}/instances/{handle}")
+        await self.client.delete(f"/rw/cfg/{domain}/{kind}/instances/{handle}")
 
     async def write_symbol(self, name: str, value: str) -> None:
         """Set a PERS. Needs the mastership of rapid."""
-        await self._client.post(*self._dialect.call("set_symbol", name=name), {"value": value})
+        await self.client.post(*self._dialect.call("set_symbol", name=name), {"value": value})

@@ -46,18 +46,18 @@ class ControllerReader:
 
     def __init__(self, address: RwsAddress, timing: Timing | None = None) -> None:
         self.address, self._timing = address, timing or Timing()
-        self._client = RwsClient(f"robot {address.address}", address, self._timing)
+        self.client = RwsClient(f"robot {address.address}", address, self._timing)
 
     async def __aenter__(self) -> Self:
-        await self._client.find()
+        await self.client.find()
         return self
 
     async def __aexit__(self, *error: object) -> None:
-        await self._client.close()
+        await self.client.close()
 
     @property
     def device(self) -> str:
-        return self._client.device
+        return self.client.device
 
     @property
     def version(self) -> int:
@@ -66,12 +66,12 @@ class ControllerReader:
 
     @property
     def _dialect(self) -> Dialect:
-        return self._client.require_dialect()
+        return self.client.require_dialect()
 
     async def read(self, path: str, query: Mapping[str, str] | None = None) -> list[dict[str, Any]] | None:
         """Resources at a path; None when the controller does not have it."""
         try:
-            return await self._client.get(path, query)
+            return await self.client.get(path, query)
         except RequestRefused as refused:
             if refused.status in ABSENT:
                 return None
@@ -138,7 +138,7 @@ class ControllerReader:
 
     async def read_file(self, path: str) -> bytes | None:
         """Content of a file below HOME; None when there is none."""
-        return await self._client.get_file(path)
+        return await self.client.get_file(path)
 
 
 def _texts(value: Any, name: str) -> Iterator[str]:

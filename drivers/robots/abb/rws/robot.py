@@ -44,16 +44,6 @@ class RwsRobot(LinkedRobot):
         frame: Literal["base", "world"] = "base" if self._address.frame == "base" else "world"
         return RobotCapabilities(moves=False, pose_convention=POSE_CONVENTION, pose_frame=frame)
 
-    @property
-    def watching(self) -> bool:
-        """Whether the controller reports changes by a subscription."""
-        return self._link.watching
-
-    @property
-    def newest_event(self) -> int:
-        """Number of the newest event log entry received; 0 before the first."""
-        return self._link.newest_event
-
     # --- reading ---
 
     async def read_pose(self) -> PoseReading:
