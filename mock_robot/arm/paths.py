@@ -1,8 +1,10 @@
-"""Paths between two sets of joints, parametrised from 0 to 1: joint interpolation (MoveJ), straight line (MoveL)."""
+"""Paths between two sets of joints, parametrised from 0 to 1: joint interpolation (MoveJ), straight line (MoveL).
+
+A path can be followed up to its `reachable_fraction` (1: all of it).
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -14,15 +16,6 @@ LINE_STEPS = 24
 """Number of points at which a line is checked before the move starts."""
 WRIST_JUMP_RAD = np.radians(60.0)
 """A joint that moves further than this between two checked points passes a singularity."""
-
-
-class Path(Protocol):
-    """Joints (6,) in rad along the way, which can be followed up to `reachable_fraction` (1: all of it)."""
-
-    @property
-    def reachable_fraction(self) -> float: ...
-
-    def joints_at(self, along: float) -> Array: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,3 +78,6 @@ class LinePath:
             return self.end
         before = self._reachable_joints[min(int(along * LINE_STEPS), len(self._reachable_joints) - 1)]
         return self.arm.nearest(self.base_T_flange_at(along), before)
+
+
+Path = JointPath | LinePath

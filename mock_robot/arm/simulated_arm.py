@@ -7,7 +7,6 @@ stands.
 
 from dataclasses import dataclass, replace
 from math import sqrt
-from typing import Protocol
 
 import numpy as np
 
@@ -17,17 +16,6 @@ from calibration.kinematics.seven_axes import AnyArm
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
 from mock_robot.arm.built_arm import SWITCHED_ON_C, BuiltArm, warmth_k
 from mock_robot.arm.paths import JointPath, LinePath, Path
-
-
-class Profile(Protocol):
-    """Distance travelled (0 at the start) over time; `duration_s` is the time to standstill."""
-
-    @property
-    def duration_s(self) -> float: ...
-
-    def distance_at(self, elapsed_s: float) -> float: ...
-
-    def speed_at(self, elapsed_s: float) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -69,7 +57,7 @@ class Trapezoid:
 class Braked:
     """Follows profile `before` until `braked_at_s`, then decelerates to standstill on the same path."""
 
-    before: Profile
+    before: Trapezoid
     braked_at_s: float
     deceleration: float
 
@@ -95,6 +83,9 @@ class Braked:
             return self.before.speed_at(elapsed_s)
         return max(0.0, self._speed - self.deceleration * (elapsed_s - self.braked_at_s))
 
+
+Profile = Trapezoid | Braked
+"""Distance travelled (0 at the start) and speed over time; `duration_s` is the time to standstill."""
 
 IN_POSITION_S = 0.3
 """Time of standstill after which the arm counts as settled: WaitTime \\InPos, 0.3."""
@@ -142,8 +133,10 @@ class ArmMotion:
         return self.path.joints_at(self.along_at(now_s))
 
     def with_braking(self, now_s: float) -> "ArmMotion":
+        if now_s >= self.end_s or isinstance(self.profile, Braked):
+            return self
         deceleration = self.profile.speed_at(self.profile.duration_s / 2) / RAMP_S
-        if now_s >= self.end_s or deceleration <= 0.0 or isinstance(self.profile, Braked):
+        if deceleration <= 0.0:
             return self
         return replace(self, profile=Braked(self.profile, max(now_s - self.start_s, 0.0), deceleration))
 

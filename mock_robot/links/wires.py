@@ -1,11 +1,11 @@
-"""The robot's links for each robot program."""
+"""The robot's links for each robot program: a cabinet that is reachable between `start` and `close`."""
 
 import asyncio
 import os
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from mock_robot.arm.simulated_arm import SimulatedArm
 from mock_robot.cabinet.cabinet import Cabinet
@@ -23,24 +23,6 @@ Clock = Callable[[], float]
 _UNTURNED = [1.0, 0.0, 0.0, 0.0]
 CAMERA_LOAD = [True, [[0.0, 0.0, 0.0], _UNTURNED], [1.5, [0.0, 0.0, 60.0], _UNTURNED, 0.0, 0.0, 0.0]]
 """`cell_flange` as an integrator sets it: the flange's frame, with a camera and its bracket, 1.5 kg, 60 mm out."""
-
-
-class Wires(Protocol):
-    """A cabinet whose link is reachable between `start` and `close`."""
-
-    @property
-    def controller(self) -> Cabinet: ...
-
-    @property
-    def board(self) -> FaultBoard: ...
-
-    async def start(self, host: str, port: int, serial: bool) -> tuple[str, int | None, str | None]:
-        """Open the links; returns host, port and serial path, None where absent."""
-
-    async def close(self) -> None: ...
-
-    def nudge(self) -> None:
-        """React now to a change made from outside."""
 
 
 class PythonWires:
@@ -125,3 +107,6 @@ class RapidWires:
 
     def nudge(self) -> None:
         """Nothing to do: the tasks poll."""
+
+
+Wires = PythonWires | RapidWires

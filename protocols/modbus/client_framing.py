@@ -1,7 +1,10 @@
-"""Client framing of both transports: adds the envelope to requests, extracts answers from received bytes."""
+"""Client framing of both transports: adds the envelope to requests, extracts answers from received bytes.
+
+Of one unit, on one connection at a time. `reset` discards the incomplete frame of the connection before; `feed` gives
+the PDUs of the answers that are complete now, and raises HeaderBroken.
+"""
 
 from collections.abc import Iterable
-from typing import Protocol
 
 from protocols.modbus.codes import ERROR_BIT, MAX_PDU_BYTES, Function
 from protocols.modbus.mbap import Adu, MbapReader
@@ -12,22 +15,6 @@ MIN_RTU_ANSWER = 5
 """Unit, function, exception code, CRC."""
 RTU_ENVELOPE = 3
 """Unit, CRC."""
-
-
-class ClientFraming(Protocol):
-    """Requests and answers of one unit, on one connection at a time."""
-
-    def reset(self) -> None:
-        """Discard the incomplete frame of the previous connection."""
-        ...
-
-    def encode(self, pdu: bytes) -> bytes:
-        """Bytes of a request."""
-        ...
-
-    def feed(self, data: bytes) -> Iterable[bytes]:
-        """PDUs of the answers that are complete now. Raises HeaderBroken."""
-        ...
 
 
 class TcpFraming:
@@ -87,3 +74,6 @@ class RtuFraming:
             if end <= len(self._buffer) and crc16_of_bytes(frame[:-2]) == int.from_bytes(frame[-2:], "little"):
                 return begin, end
         return None
+
+
+ClientFraming = TcpFraming | RtuFraming
