@@ -1,45 +1,47 @@
 """Basler cameras over pypylon (the extra `basler`), whose wheel contains the pylon runtime."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError, import_library
+from drivers.cameras.genicam.device import FoundCamera, RawPicture, import_library, raises_vendor_errors
 from drivers.errors import DeviceTaken
 
 BUFFERS = 4
 
 
+def _errors() -> tuple[type[Exception], ...]:
+    return _import_pylon().GenericException, AttributeError  # a node of another kind lacks the method
+
+
+@raises_vendor_errors(_errors)
 class PylonLibrary:
     """drivers.cameras.genicam.device.Library."""
 
     def discover(self) -> list[FoundCamera]:
         """Cameras of every transport layer that pylon has. Raises LibraryMissing, VendorError."""
         pylon = _import_pylon()
-        with _vendor_errors(pylon):
-            return [_found(info) for info in pylon.TlFactory.GetInstance().EnumerateDevices()]
+        return [_found(info) for info in pylon.TlFactory.GetInstance().EnumerateDevices()]
 
     def open(self, camera: FoundCamera) -> "OpenPylonCamera":
         """Open for control. Raises DeviceTaken, LibraryMissing, VendorError."""
         pylon = _import_pylon()
-        with _vendor_errors(pylon):
-            factory = pylon.TlFactory.GetInstance()
-            info = pylon.DeviceInfo()
-            info.SetFullName(camera.key)
-            accessible = factory.IsDeviceAccessible(info, pylon.DeviceAccessMode_Control)
-            if isinstance(accessible, tuple):
-                accessible = accessible[0]
-            if not accessible:
-                raise DeviceTaken(f"camera basler:{camera.serial}", f"{camera} is controlled by another program")
-            device = pylon.InstantCamera(factory.CreateDevice(info))
-            device.Open()
-            device.MaxNumBuffer.Value = BUFFERS
-            return OpenPylonCamera(pylon, device)
+        factory = pylon.TlFactory.GetInstance()
+        info = pylon.DeviceInfo()
+        info.SetFullName(camera.key)
+        accessible = factory.IsDeviceAccessible(info, pylon.DeviceAccessMode_Control)
+        if isinstance(accessible, tuple):
+            accessible = accessible[0]
+        if not accessible:
+            raise DeviceTaken(f"camera basler:{camera.serial}", f"{camera} is controlled by another program")
+        device = pylon.InstantCamera(factory.CreateDevice(info))
+        device.Open()
+        device.MaxNumBuffer.Value = BUFFERS
+        return OpenPylonCamera(pylon, device)
 
 
+@raises_vendor_errors(_errors)
 class OpenPylonCamera:
     """drivers.cameras.genicam.device.OpenCamera."""
 
@@ -50,74 +52,55 @@ class OpenPylonCamera:
         self._nodes = camera.GetNodeMap()
 
     def has(self, feature: str) -> bool:
-        with _vendor_errors(self._pylon):
-            return bool(self._available(self._nodes.GetNode(feature)))
+        return bool(self._available(self._nodes.GetNode(feature)))
 
     def read(self, feature: str) -> str:
-        with _vendor_errors(self._pylon):
-            return str(self._nodes.GetNode(feature).ToString())
+        return str(self._nodes.GetNode(feature).ToString())
 
     def write(self, feature: str, value: str) -> None:
-        with _vendor_errors(self._pylon):
-            self._nodes.GetNode(feature).FromString(value)
+        self._nodes.GetNode(feature).FromString(value)
 
     def bounds(self, feature: str) -> tuple[float, float]:
-        with _vendor_errors(self._pylon):
-            node = self._nodes.GetNode(feature)
-            return float(node.Min), float(node.Max)
+        node = self._nodes.GetNode(feature)
+        return float(node.Min), float(node.Max)
 
     def choices(self, feature: str) -> tuple[str, ...]:
-        with _vendor_errors(self._pylon):
-            return tuple(self._nodes.GetNode(feature).Symbolics)
+        return tuple(self._nodes.GetNode(feature).Symbolics)
 
     def execute(self, feature: str) -> None:
-        with _vendor_errors(self._pylon):
-            self._nodes.GetNode(feature).Execute()
+        self._nodes.GetNode(feature).Execute()
 
     def is_lost(self) -> bool:
-        with _vendor_errors(self._pylon):
-            return bool(self._camera.IsCameraDeviceRemoved())
+        return bool(self._camera.IsCameraDeviceRemoved())
 
     def start_stream(self) -> None:
-        with _vendor_errors(self._pylon):
-            self._camera.StartGrabbing(self._pylon.GrabStrategy_OneByOne)
+        self._camera.StartGrabbing(self._pylon.GrabStrategy_OneByOne)
 
     def stop_stream(self) -> None:
-        with _vendor_errors(self._pylon):
-            self._camera.StopGrabbing()
+        self._camera.StopGrabbing()
 
     def next_picture(self, limit_s: float) -> RawPicture | None:
-        with _vendor_errors(self._pylon):
-            result = self._camera.RetrieveResult(max(1, round(limit_s * 1e3)), self._pylon.TimeoutHandling_Return)
-            if not result.IsValid():
-                return None
-            try:
-                if not result.GrabSucceeded():
-                    return RawPicture(np.empty(0, np.uint8), 0, 0, 0, complete=False)
-                data = np.frombuffer(result.GetBuffer(), np.uint8).copy()
-                width, height, code = result.GetWidth(), result.GetHeight(), result.GetPixelType()
-                return RawPicture(data, code, width, height, result.GetPaddingX(), result.GetTimeStamp() or None)
-            finally:
-                result.Release()
+        result = self._camera.RetrieveResult(max(1, round(limit_s * 1e3)), self._pylon.TimeoutHandling_Return)
+        if not result.IsValid():
+            return None
+        try:
+            if not result.GrabSucceeded():
+                return RawPicture(np.empty(0, np.uint8), 0, 0, 0, complete=False)
+            data = np.frombuffer(result.GetBuffer(), np.uint8).copy()
+            width, height, code = result.GetWidth(), result.GetHeight(), result.GetPixelType()
+            return RawPicture(data, code, width, height, result.GetPaddingX(), result.GetTimeStamp() or None)
+        finally:
+            result.Release()
 
     def close(self) -> None:
-        with _vendor_errors(self._pylon):
-            self._camera.Close()
-            self._camera.DestroyDevice()
+        self._camera.Close()
+        self._camera.DestroyDevice()
 
 
 def _import_pylon() -> Any:
     with catch_warnings():  # its SWIG wrapper ends the process where a DeprecationWarning of its types is an error
         simplefilter("ignore", DeprecationWarning)
         return import_library("pypylon.pylon", "basler")
-
-
-@contextmanager
-def _vendor_errors(pylon: Any) -> Iterator[None]:
-    try:
-        yield
-    except (pylon.GenericException, AttributeError) as error:  # a node of another kind lacks the method
-        raise VendorError(str(error).strip()) from error
 
 
 def _found(info: Any) -> FoundCamera:

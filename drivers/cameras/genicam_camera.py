@@ -1,15 +1,13 @@
 """Cameras of any vendor over its GenTL producer (.cti), by harvesters (the extra `genicam`)."""
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError, import_library
+from drivers.cameras.genicam.device import FoundCamera, RawPicture, import_library, raises_vendor_errors
 from drivers.errors import DeviceTaken, DeviceUnreachable
 
 PRODUCERS = "GENICAM_GENTL64_PATH"
@@ -21,6 +19,13 @@ PART_IMAGES = frozenset({1, 5, 9})
 """PARTDATATYPE_IDS of GenTL 1.6: an image, an image of coordinates, a confidence map."""
 
 
+def _errors() -> tuple[type[Exception], ...]:
+    from genicam import genapi, gentl
+
+    return genapi.GenericException, gentl.GenericException, AttributeError, ValueError, OSError
+
+
+@raises_vendor_errors(_errors)
 class HarvestersLibrary:
     """drivers.cameras.genicam.device.Library. A process loads a producer once, until its camera is closed."""
 
@@ -32,33 +37,30 @@ class HarvestersLibrary:
         """Cameras of the producers. Raises LibraryMissing, DeviceUnreachable without a producer, VendorError."""
         core = import_library("harvesters.core", "genicam")
         files = self._files()
-        with vendor_errors():
-            if self._harvester is None:
-                self._harvester = core.Harvester()
-                for file in files:
-                    self._harvester.add_file(str(file))
-            self._harvester.update()
-            return [_found(info) for info in self._harvester.device_info_list]
+        if self._harvester is None:
+            self._harvester = core.Harvester()
+            for file in files:
+                self._harvester.add_file(str(file))
+        self._harvester.update()
+        return [_found(info) for info in self._harvester.device_info_list]
 
     def open(self, camera: FoundCamera) -> "OpenGenTLCamera":
         """Open for control. Raises DeviceTaken, VendorError."""
         core = import_library("harvesters.core", "genicam")
-        with vendor_errors():
-            try:
-                acquirer = self._harvester.create({"id_": camera.key})
-            except Exception as error:
-                if "AccessDenied" in type(error).__name__ or "ResourceInUse" in type(error).__name__:
-                    what = f"{camera} is controlled by another program"
-                    raise DeviceTaken(f"camera genicam:{camera.serial}", what) from error
-                raise
-            return OpenGenTLCamera(core, acquirer, self.release)
+        try:
+            acquirer = self._harvester.create({"id_": camera.key})
+        except Exception as error:
+            if "AccessDenied" in type(error).__name__ or "ResourceInUse" in type(error).__name__:
+                what = f"{camera} is controlled by another program"
+                raise DeviceTaken(f"camera genicam:{camera.serial}", what) from error
+            raise
+        return OpenGenTLCamera(core, acquirer, self.release)
 
     def release(self) -> None:
         """Unload the producers."""
         if self._harvester is not None:
             harvester, self._harvester = self._harvester, None
-            with vendor_errors():
-                harvester.reset()
+            harvester.reset()
 
     def _files(self) -> list[Path]:
         if self._producer is not None:
@@ -78,6 +80,7 @@ class HarvestersLibrary:
         return files
 
 
+@raises_vendor_errors(_errors)
 class OpenGenTLCamera:
     """drivers.cameras.genicam.device.OpenCamera."""
 
@@ -90,64 +93,53 @@ class OpenGenTLCamera:
     def has(self, feature: str) -> bool:
         from genicam.genapi import EAccessMode
 
-        with vendor_errors():
-            if not self._nodes.has_node(feature):
-                return False
-            mode = self._nodes.get_node(feature).node.get_access_mode()
-            return mode in (EAccessMode.RO, EAccessMode.RW, EAccessMode.WO)
+        if not self._nodes.has_node(feature):
+            return False
+        mode = self._nodes.get_node(feature).node.get_access_mode()
+        return mode in (EAccessMode.RO, EAccessMode.RW, EAccessMode.WO)
 
     def read(self, feature: str) -> str:
-        with vendor_errors():
-            return str(self._nodes.get_node(feature).to_string())
+        return str(self._nodes.get_node(feature).to_string())
 
     def write(self, feature: str, value: str) -> None:
-        with vendor_errors():
-            self._nodes.get_node(feature).from_string(value)
+        self._nodes.get_node(feature).from_string(value)
 
     def bounds(self, feature: str) -> tuple[float, float]:
-        with vendor_errors():
-            node = self._nodes.get_node(feature)
-            return float(node.min), float(node.max)
+        node = self._nodes.get_node(feature)
+        return float(node.min), float(node.max)
 
     def choices(self, feature: str) -> tuple[str, ...]:
-        with vendor_errors():
-            return tuple(self._nodes.get_node(feature).symbolics)
+        return tuple(self._nodes.get_node(feature).symbolics)
 
     def execute(self, feature: str) -> None:
-        with vendor_errors():
-            self._nodes.get_node(feature).execute()
+        self._nodes.get_node(feature).execute()
 
     def is_lost(self) -> bool:
-        with vendor_errors():
-            self._nodes.get_node("Width").get_value(False, True)
-            return False
+        self._nodes.get_node("Width").get_value(False, True)
+        return False
 
     def start_stream(self) -> None:
-        with vendor_errors():
-            self._acquirer.start()
+        self._acquirer.start()
 
     def stop_stream(self) -> None:
-        with vendor_errors():
-            self._acquirer.stop()
+        self._acquirer.stop()
 
     def next_picture(self, limit_s: float) -> RawPicture | None:
-        with vendor_errors():
-            incomplete_before = self._incomplete.count
-            buffer = self._acquirer.try_fetch(timeout=max(0.001, limit_s), is_raw=True)
-            if buffer is None:
-                incomplete = self._incomplete.count > incomplete_before
-                return RawPicture(np.empty(0, np.uint8), 0, 0, 0, complete=False) if incomplete else None
-            try:
-                return self._copy(buffer)
-            finally:
-                buffer.parent.queue_buffer(buffer)
+        incomplete_before = self._incomplete.count
+        buffer = self._acquirer.try_fetch(timeout=max(0.001, limit_s), is_raw=True)
+        if buffer is None:
+            incomplete = self._incomplete.count > incomplete_before
+            return RawPicture(np.empty(0, np.uint8), 0, 0, 0, complete=False) if incomplete else None
+        try:
+            return self._copy(buffer)
+        finally:
+            buffer.parent.queue_buffer(buffer)
 
     def close(self) -> None:
-        with vendor_errors():
-            try:
-                self._acquirer.destroy()
-            finally:
-                self._release()
+        try:
+            self._acquirer.destroy()
+        finally:
+            self._release()
 
     def _copy(self, buffer: Any) -> RawPicture:
         if parts := [part for part in _optional(lambda: list(buffer.parts)) or () if part.data_type in PART_IMAGES]:
@@ -182,17 +174,6 @@ class _Counter:
                 counter.count += 1
 
         self.callback = Count()
-
-
-@contextmanager
-def vendor_errors() -> Iterator[None]:
-    """Raise a library's exceptions as VendorError."""
-    from genicam import genapi, gentl
-
-    try:
-        yield
-    except (genapi.GenericException, gentl.GenericException, AttributeError, ValueError, OSError) as error:
-        raise VendorError(str(error).strip()) from error
 
 
 def _optional(read: Any) -> Any:

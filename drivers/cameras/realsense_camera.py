@@ -4,14 +4,14 @@ Streams: Color and Infrared give pictures; Depth gives depth with the left infra
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError, import_library
+from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError, import_library, raises_vendor_errors
 from drivers.errors import DeviceTaken
 
 STREAMS = {"Color": ("color", 0), "Infrared": ("infrared", 1), "Depth": ("depth", 0)}
@@ -24,6 +24,11 @@ BUSY = ("busy", "errno=16", "already opened")
 """What librealsense says of a device that another program streams from."""
 
 
+def _errors() -> tuple[type[Exception], ...]:
+    return RuntimeError, ValueError  # all that librealsense raises
+
+
+@raises_vendor_errors(_errors)
 class RealSenseLibrary:
     """drivers.cameras.genicam.device.Library. `stream`: of STREAMS, unless the address names another one.
 
@@ -37,10 +42,9 @@ class RealSenseLibrary:
     def discover(self) -> list[FoundCamera]:
         """Cameras on USB. Raises LibraryMissing, VendorError."""
         rs = import_library("pyrealsense2", "realsense")
-        with _vendor_errors():
-            devices = list(rs.context().query_devices()) if self._find_devices is None else self._find_devices()
-            self._devices = {device.get_info(rs.camera_info.serial_number): device for device in devices}
-            return [_found(rs, serial, device) for serial, device in self._devices.items()]
+        devices = list(rs.context().query_devices()) if self._find_devices is None else self._find_devices()
+        self._devices = {device.get_info(rs.camera_info.serial_number): device for device in devices}
+        return [_found(rs, serial, device) for serial, device in self._devices.items()]
 
     def open(self, camera: FoundCamera) -> "OpenRealSense":
         """Open one stream. Raises DeviceTaken, LibraryMissing, VendorError."""
@@ -57,6 +61,7 @@ class RealSenseLibrary:
         return opened
 
 
+@raises_vendor_errors(_errors)
 class OpenRealSense:
     """drivers.cameras.genicam.device.OpenCamera. `Width`, `Height` and `Stream` choose among the camera's profiles."""
 
@@ -69,41 +74,37 @@ class OpenRealSense:
     def has(self, feature: str) -> bool:
         if feature in SOFTWARE:
             return not feature.startswith("Scan3d") or self._chosen["Stream"] == "Depth" or feature in LENS
-        with _vendor_errors():
-            return self._option(feature) is not None
+        return self._option(feature) is not None
 
     def read(self, feature: str) -> str:
-        with _vendor_errors():
-            if feature in SOFTWARE:
-                return SOFTWARE[feature](self)
-            sensor, option, unit = self._require_option(feature)
-            value = sensor.get_option(option)
-            return ("Continuous" if value else "Off") if feature == "ExposureAuto" else f"{value * unit:.9g}"
+        if feature in SOFTWARE:
+            return SOFTWARE[feature](self)
+        sensor, option, unit = self._require_option(feature)
+        value = sensor.get_option(option)
+        return ("Continuous" if value else "Off") if feature == "ExposureAuto" else f"{value * unit:.9g}"
 
     def write(self, feature: str, value: str) -> None:
-        with _vendor_errors():
-            if feature in ("Stream", "Width", "Height"):
-                before = dict(self._chosen)
-                self._chosen[feature] = value
-                try:
-                    self._profiles()
-                except (VendorError, ValueError, KeyError):
-                    self._chosen = before
-                    raise VendorError(f"the camera has no such stream: {feature}={value}") from None
+        if feature in ("Stream", "Width", "Height"):
+            before = dict(self._chosen)
+            self._chosen[feature] = value
+            try:
+                self._profiles()
+            except (VendorError, ValueError, KeyError):
+                self._chosen = before
+                raise VendorError(f"the camera has no such stream: {feature}={value}") from None
+            return
+        if feature in SOFTWARE:
+            if feature == "Scan3dCoordinateSelector" or value == self.read(feature):
                 return
-            if feature in SOFTWARE:
-                if feature == "Scan3dCoordinateSelector" or value == self.read(feature):
-                    return
-                raise VendorError("it cannot be set")
-            sensor, option, unit = self._require_option(feature)
-            number = float(value != "Off") if feature == "ExposureAuto" else float(value) / unit
-            sensor.set_option(option, number)
+            raise VendorError("it cannot be set")
+        sensor, option, unit = self._require_option(feature)
+        number = float(value != "Off") if feature == "ExposureAuto" else float(value) / unit
+        sensor.set_option(option, number)
 
     def bounds(self, feature: str) -> tuple[float, float]:
-        with _vendor_errors():
-            sensor, option, unit = self._require_option(feature)
-            limits = sensor.get_option_range(option)
-            return limits.min * unit, limits.max * unit
+        sensor, option, unit = self._require_option(feature)
+        limits = sensor.get_option_range(option)
+        return limits.min * unit, limits.max * unit
 
     def choices(self, feature: str) -> tuple[str, ...]:
         if feature == "Stream":
@@ -118,43 +119,39 @@ class OpenRealSense:
         raise VendorError(f"the camera has no {feature}")
 
     def is_lost(self) -> bool:
-        with _vendor_errors():
-            return not self._device.is_connected()
+        return not self._device.is_connected()
 
     def start_stream(self) -> None:
-        with _vendor_errors():
-            sensor, profiles = self._profiles()
-            syncer = self._rs.syncer()
-            sensor.open(profiles)
-            try:
-                sensor.start(syncer)
-            except RuntimeError:
-                sensor.close()
-                raise
-            self._streaming, self._syncer = sensor, syncer
+        sensor, profiles = self._profiles()
+        syncer = self._rs.syncer()
+        sensor.open(profiles)
+        try:
+            sensor.start(syncer)
+        except RuntimeError:
+            sensor.close()
+            raise
+        self._streaming, self._syncer = sensor, syncer
 
     def stop_stream(self) -> None:
         sensor, self._streaming, self._syncer = self._streaming, None, None
         if sensor is not None:
-            with _vendor_errors():
-                try:
-                    sensor.stop()
-                finally:
-                    sensor.close()
+            try:
+                sensor.stop()
+            finally:
+                sensor.close()
 
     def next_picture(self, limit_s: float) -> RawPicture | None:
         """The next picture; of Depth with the infrared picture of the same moment as a part."""
-        with _vendor_errors():
-            _, profiles = self._profiles()
-            ends_s, partial = time.monotonic() + limit_s, False
-            while (left_s := ends_s - time.monotonic()) > 0:
-                came, frames = self._syncer.try_wait_for_frames(max(1, round(left_s * 1e3)))
-                found = [frames.first_or_default(profile.stream_type()) for profile in profiles] if came else []
-                if came and all(found):
-                    first, *others = map(_copy, found)
-                    return replace(first, parts=tuple(others))
-                partial = partial or came  # the sensor's streams begin one after the other
-            return RawPicture(np.empty(0, np.uint8), 0, 0, 0, complete=False) if partial else None
+        _, profiles = self._profiles()
+        ends_s, partial = time.monotonic() + limit_s, False
+        while (left_s := ends_s - time.monotonic()) > 0:
+            came, frames = self._syncer.try_wait_for_frames(max(1, round(left_s * 1e3)))
+            found = [frames.first_or_default(profile.stream_type()) for profile in profiles] if came else []
+            if came and all(found):
+                first, *others = map(_copy, found)
+                return replace(first, parts=tuple(others))
+            partial = partial or came  # the sensor's streams begin one after the other
+        return RawPicture(np.empty(0, np.uint8), 0, 0, 0, complete=False) if partial else None
 
     def close(self) -> None:
         self.stop_stream()
@@ -259,14 +256,6 @@ def _copy(frame: Any) -> RawPicture:
     return RawPicture(
         data, code, video.get_width(), video.get_height(), device_time_ns=round(frame.get_timestamp() * 1e6)
     )
-
-
-@contextmanager
-def _vendor_errors() -> Iterator[None]:
-    try:
-        yield
-    except (RuntimeError, ValueError) as error:  # all that librealsense raises
-        raise VendorError(str(error).strip()) from error
 
 
 def _found(rs: Any, serial: str, device: Any) -> FoundCamera:

@@ -3,18 +3,49 @@
 Every call blocks and is made in a thread; a library's exceptions are raised as VendorError.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 from importlib import import_module
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import LibraryMissing
+from drivers.errors import DeviceError, LibraryMissing
+
+Class = TypeVar("Class", bound=type[Any])
 
 
 class VendorError(Exception):
     """What a library says of a call that failed."""
+
+
+def raises_vendor_errors(of_library: Callable[[], tuple[type[Exception], ...]]) -> Callable[[Class], Class]:
+    """Decorator of a class whose public methods call a library: what this raises becomes a VendorError.
+
+    `of_library`: the library's exceptions, asked for when one was raised, since the library may be missing before.
+    """
+
+    def convert(method: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(method)
+        def call(*given: Any, **named: Any) -> Any:
+            try:
+                return method(*given, **named)
+            except (VendorError, DeviceError):
+                raise
+            except of_library() as error:
+                raise VendorError(str(error).strip()) from error
+
+        return call
+
+    def decorate(kind: Class) -> Class:
+        for name, member in list(vars(kind).items()):
+            if callable(member) and not name.startswith("_"):
+                setattr(kind, name, convert(member))
+        return kind
+
+    return decorate
 
 
 def import_library(module: str, extra: str) -> Any:
