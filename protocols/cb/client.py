@@ -36,14 +36,6 @@ class RepeatWanted:
 
 
 @dataclass(frozen=True)
-class SessionChanged:
-    """The controller's session number changed: it restarted and has forgotten earlier moves."""
-
-    before: int
-    now: int
-
-
-@dataclass(frozen=True)
 class GreetingLost:
     """The controller requires HELLO again: it restarted, on a serial line, which shows no disconnection."""
 
@@ -75,7 +67,6 @@ class GarbledReply:
 ClientEvent = (
     ReplyReceived
     | RepeatWanted
-    | SessionChanged
     | GreetingLost
     | Unsolicited
     | UnexpectedReply
@@ -100,11 +91,11 @@ class ClientSession:
     controller would take it for a new one.
     """
 
-    def __init__(self, *, resynchronise: bool, known_session: int | None = None, last_seq: int = 0) -> None:
+    def __init__(self, *, resynchronise: bool, last_seq: int = 0) -> None:
         self._reader = FrameReader(resynchronise=resynchronise)
         self.state = SessionState.NOT_GREETED
-        self.session = known_session
-        """Session number in the controller's last HELLO reply; None before the first HELLO."""
+        self.session: int | None = None
+        """Session number in the controller's reply to HELLO, another one after a restart; None before it."""
         self.last_seq = last_seq
         """Sequence number of the newest request; pass it to the session of the next connection."""
         self._outstanding: _Outstanding | None = None
@@ -198,10 +189,7 @@ class ClientSession:
         if self.state is not SessionState.BROKEN:
             self.state = STATE_AFTER.get(command, self.state)
         if isinstance(reply, Welcome):
-            self.capabilities = reply.capabilities
-            before, self.session = self.session, reply.session
-            if before is not None and before != reply.session:
-                answered.insert(0, SessionChanged(before, reply.session))
+            self.capabilities, self.session = reply.capabilities, reply.session
         return answered
 
 

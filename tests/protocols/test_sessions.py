@@ -10,7 +10,6 @@ from protocols.cb.client import (
     GreetingLost,
     RepeatWanted,
     ReplyReceived,
-    SessionChanged,
     UnexpectedReply,
     Unsolicited,
 )
@@ -289,27 +288,14 @@ def test_a_wrong_sum_on_tcp_is_answered_and_breaks():
 # --- what a client notices ---
 
 
-def test_another_session_number_means_a_restart():
-    client = ClientSession(resynchronise=False, known_session=9)
-    controller = ControllerSession(resynchronise=False)
-    events = asked(client, controller, HELLO, welcome(10))
-    assert events == [SessionChanged(9, 10), ReplyReceived(1, HELLO, welcome(10))]
-    assert client.session == 10
-
-
-def test_the_same_session_number_is_no_news():
-    client = ClientSession(resynchronise=False, known_session=9)
-    events = asked(client, ControllerSession(resynchronise=False), HELLO, welcome(9))
-    assert events == [ReplyReceived(1, HELLO, welcome(9))]
-
-
 def test_a_controller_that_restarted_behind_a_serial_line_wants_a_greeting():
     client, _ = greeted_pair(resynchronise=True)
     restarted = ControllerSession(resynchronise=True)
     (refused,) = restarted.receive_data(client.request(GetPose()))
     assert client.receive_data(refused.answer)[0] == GreetingLost()
     assert client.state is SessionState.NOT_GREETED
-    assert asked(client, restarted, HELLO, welcome(10))[0] == SessionChanged(9, 10)
+    assert asked(client, restarted, HELLO, welcome(10))[0] == ReplyReceived(3, HELLO, welcome(10))
+    assert client.session == 10
 
 
 def test_what_the_controller_says_by_itself():

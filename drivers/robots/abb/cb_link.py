@@ -58,9 +58,7 @@ class CbLink(ControllerLink):
 
     async def _converse(self, connection: Connection) -> DeviceError:
         """Run one connection from greeting to loss; returns the reason of the loss."""
-        session = ClientSession(
-            resynchronise=self._transport.resynchronise, known_session=self._known_session, last_seq=self._last_seq
-        )
+        session = ClientSession(resynchronise=self._transport.resynchronise, last_seq=self._last_seq)
         conversation = CbConversation(
             self.device, connection, session, self._timing, self._limits, self._end_conversation
         )
