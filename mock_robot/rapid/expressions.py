@@ -4,6 +4,7 @@ import math
 import operator as op
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import reduce
 from types import MappingProxyType
 from typing import Any
 
@@ -103,6 +104,7 @@ _ARITHMETIC: dict[tuple[str, str, str], tuple[Type, Combine]] = {
     ("/", "pos", "num"): (POS, _plain(lambda a, b: [_divide(x, b) for x in a])),
     ("*", "pos", "pos"): (POS, _plain(_cross_product)),
     ("*", "orient", "orient"): (ORIENT, _plain(_multiply_rotations)),
+    ("AND", "bool", "bool"): (BOOL, lambda first, second: lambda frame: first(frame) and second(frame)),
     ("OR", "bool", "bool"): (BOOL, lambda first, second: lambda frame: first(frame) or second(frame)),
     ("XOR", "bool", "bool"): (BOOL, _plain(op.ne)),
 }
@@ -243,10 +245,7 @@ def _combine(context: CompileContext, operator: str, left: Expression, right: Ex
 
 def _conjunction(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     terms = [expression(context, item, BOOL).evaluate for item in parts(node)]
-    if len(terms) == 2:
-        first, second = terms
-        return Expression(BOOL, lambda frame: first(frame) and second(frame))
-    return Expression(BOOL, lambda frame: all(term(frame) for term in terms))
+    return Expression(BOOL, reduce(BINARY["AND", "bool", "bool"][1], terms))
 
 
 def _not(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
@@ -287,25 +286,20 @@ def _present(context: CompileContext, node: Node) -> Expression:
 
 def _target(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     symbol, indices, steps, kind = resolve(context, node)
-    base = _reader(symbol)
-    if not indices and not steps:
-        return Expression(kind, base)
-    if not indices and len(steps) == 1:
-        (only,) = steps
-        return Expression(kind, lambda frame: base(frame)[only])
-    if len(indices) == 1 and not steps:
-        (index,) = indices
-        return Expression(kind, lambda frame: (at := base(frame))[place_of(index(frame), len(at))])
+    evaluate = _reader(symbol)
+    for index in indices:
+        evaluate = _element(evaluate, index)
+    for step in steps:
+        evaluate = _component(evaluate, step)
+    return Expression(kind, evaluate)
 
-    def walk(frame: Frame) -> Any:
-        value = base(frame)
-        for index in indices:
-            value = value[place_of(index(frame), len(value))]
-        for step in steps:
-            value = value[step]
-        return value
 
-    return Expression(kind, walk)
+def _element(whole: Evaluate, index: Evaluate) -> Evaluate:
+    return lambda frame: (value := whole(frame))[place_of(index(frame), len(value))]
+
+
+def _component(whole: Evaluate, place: int) -> Evaluate:
+    return lambda frame: whole(frame)[place]
 
 
 def _reader(symbol: Data) -> Evaluate:

@@ -127,23 +127,18 @@ def _run_handler(context: CompileContext, frame: Frame, routine: Routine, error:
 
 def _if(context: CompileContext, node: Node) -> Run:
     """IF, ELSEIF and ELSE: the first branch whose condition holds."""
-    branches = [(expression(context, part(node, 0), BOOL).evaluate, block(context, parts(part(node, 1))))]
-    for other in parts(node, "elseif"):
-        condition = expression(context, part(other, 0), BOOL).evaluate
-        branches.append((condition, block(context, parts(part(other, 1)))))
-    otherwise = [block(context, parts(part(each, 0))) for each in parts(node, "else")]
-    if len(branches) == 1:
-        ((only, then),) = branches
-        last = otherwise[0] if otherwise else _nothing
-        return lambda frame: then(frame) if only(frame) else last(frame)
-
-    def run(frame: Frame) -> Any:
-        for condition, then in branches:
-            if condition(frame):
-                return then(frame)
-        return otherwise[0](frame) if otherwise else None
-
+    branches = [
+        (expression(context, part(each, 0), BOOL).evaluate, block(context, parts(part(each, 1))))
+        for each in (node, *parts(node, "elseif"))
+    ]
+    run = next((block(context, parts(part(each, 0))) for each in parts(node, "else")), _nothing)
+    for condition, then in reversed(branches):
+        run = _choose(condition, then, run)
     return run
+
+
+def _choose(condition: Run, then: Run, otherwise: Run) -> Run:
+    return lambda frame: then(frame) if condition(frame) else otherwise(frame)
 
 
 def _nothing(frame: Frame) -> None:
@@ -152,8 +147,7 @@ def _nothing(frame: Frame) -> None:
 
 def _if_one(context: CompileContext, node: Node) -> Run:
     condition = expression(context, part(node, 0), BOOL).evaluate
-    then = block(context, [part(node, 1)])
-    return lambda frame: then(frame) if condition(frame) else None
+    return _choose(condition, block(context, [part(node, 1)]), _nothing)
 
 
 def _while(context: CompileContext, node: Node) -> Run:
@@ -201,7 +195,7 @@ def _test(context: CompileContext, node: Node) -> Run:
         *values, body = parts(case)
         evaluates = [expression(context, value, subject.type).evaluate for value in values]
         cases.append((evaluates, block(context, parts(body))))
-    default = [block(context, parts(part(each, 0))) for each in parts(node, "default")]
+    default = next((block(context, parts(part(each, 0))) for each in parts(node, "default")), _nothing)
     evaluate = subject.evaluate
 
     def run(frame: Frame) -> Any:
@@ -209,7 +203,7 @@ def _test(context: CompileContext, node: Node) -> Run:
         for candidates, body in cases:
             if any(candidate(frame) == value for candidate in candidates):
                 return body(frame)
-        return default[0](frame) if default else None
+        return default(frame)
 
     return run
 
@@ -221,16 +215,11 @@ def _assign(context: CompileContext, node: Node) -> Run:
     if isinstance(kind, Atom) and kind.device:
         raise context.wrong(line_of(node), f"a {kind.name} has no value to assign")
     evaluate = expression(context, part(node, 1), kind).evaluate
-    if isinstance(kind, Atom):
-
-        def assign_atom(frame: Frame) -> None:
-            slot_in(frame).value = evaluate(frame)
-
-        return assign_atom
     copy = kind.copy
+    value_in = evaluate if isinstance(kind, Atom) else lambda frame: copy(evaluate(frame))
 
     def assign(frame: Frame) -> None:
-        slot_in(frame).value = copy(evaluate(frame))
+        slot_in(frame).value = value_in(frame)
 
     return assign
 
