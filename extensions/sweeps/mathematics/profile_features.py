@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.transforms import Array
+from extensions.sweeps.mathematics.profile_solver import SweepPoints
 from registration.errors import ProfileError, SphereError
 from registration.profiles.profile_block import ProfileBlock
+from registration.profiles.robot_path import RobotPath
 
 PROFILES = 120
 """Profiles of a sweep that are searched."""
@@ -31,23 +33,12 @@ MAX_EDGE_COSINE = float(np.cos(np.radians(10.0)))
 MAX_RANGE_MM = 1e5
 
 
-@dataclass(frozen=True, eq=False)
-class SurfacePoints:
-    """Points (k, 3) in the profiler frame, y = 0, on one surface, and their times (k,), in order.
-
-    `crossing`: of a sphere the time at which its centre is in the laser plane, and that centre (3,).
-    """
-
-    points_mm: Array
-    times_s: Array
-    crossing: tuple[float, Array] | None
-
-
-def find_sphere(block: ProfileBlock, radius_mm: float, *, standing: bool = False) -> SurfacePoints:
+def find_sphere(block: ProfileBlock, path: RobotPath, radius_mm: float) -> SweepPoints:
     """The sphere of a known radius in a sweep across it. Raises ProfileError, SphereError.
 
-    standing : the arm stood, so that every profile shows one circle, whose middle stands for the sphere's at first.
+    Where the arm stood, every profile shows one circle, whose middle stands for the sphere's at first.
     """
+    standing = path.stands
     if not 0 < radius_mm < MAX_RANGE_MM:
         raise SphereError(f"a radius of {radius_mm} mm is not possible", "give the sphere's radius in mm")
     searched = _searched(block, 1 if standing else MIN_PROFILES)
@@ -66,7 +57,7 @@ def find_sphere(block: ProfileBlock, radius_mm: float, *, standing: bool = False
     x, z, radii = np.array(circles).T
     if standing:
         points, when = _collect(list(zip(searched.times_s[rows], kept, strict=True)))
-        return SurfacePoints(points, when, (float(when[0]), np.array([x.mean(), 0.0, z.mean()])))
+        return SweepPoints(points, when, path, crossing=(float(when[0]), np.array([x.mean(), 0.0, z.mean()])))
     times = searched.times_s[rows]
     top, good = _parabola_top(times, radii**2)
     if good.sum() < MIN_PROFILES or not times[good].min() <= top[0] <= times[good].max():
@@ -77,15 +68,15 @@ def find_sphere(block: ProfileBlock, radius_mm: float, *, standing: bool = False
     middle = [float(np.polyval(np.polyfit(times[good] - top[0], values[good], 1), 0.0)) for values in (x, z)]
     chosen = [(searched.times_s[rows[index]], kept[index]) for index in np.flatnonzero(good)]
     points, when = _collect(chosen)
-    return SurfacePoints(points, when, (top[0], np.array([middle[0], 0.0, middle[1]])))
+    return SweepPoints(points, when, path, crossing=(top[0], np.array([middle[0], 0.0, middle[1]])))
 
 
-def find_plane(block: ProfileBlock, *, standing: bool = False, face: int | None = None) -> SurfacePoints:
+def find_plane(block: ProfileBlock, path: RobotPath, face: int | None = None) -> SweepPoints:
     """The plane in a sweep over it: the longest line of each profile. Raises ProfileError.
 
     face : 0 of the left and 1 of the right of the two faces of an edge, whose lines are the two longest.
     """
-    searched = _searched(block, least := 1 if standing else MIN_PROFILES)
+    searched = _searched(block, least := 1 if path.stands else MIN_PROFILES)
     tolerance = 3 * _noise_mm(searched)
     random, chosen = np.random.default_rng(0), []
     for time_s, points in zip(searched.times_s, searched.points, strict=True):
@@ -95,8 +86,7 @@ def find_plane(block: ProfileBlock, *, standing: bool = False, face: int | None 
     if len(chosen) < least:
         what = f"{len(chosen)} of {len(searched.points)} profiles show {'a line' if face is None else 'two lines'}"
         raise ProfileError(what, "measure a plane, or an edge, that fills most of the profile")
-    points, when = _collect(chosen)
-    return SurfacePoints(points, when, None)
+    return SweepPoints(*_collect(chosen), path)
 
 
 @dataclass(frozen=True, eq=False)

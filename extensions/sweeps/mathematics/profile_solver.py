@@ -51,13 +51,15 @@ FIX = Sentence("vary-sweeps")
 class SweepPoints:
     """Points (k, 3) of one sweep on one surface in the profiler frame, y = 0, with their sensor times (k,), in order.
 
-    `surface`: its number, or one for each point. `path`: the arm's during the sweep.
+    `path`: the arm's during the sweep. `surface`: its number, or one for each point. `crossing`: of a sphere the time
+    at which its centre is in the laser plane, and that centre (3,).
     """
 
     points_mm: Array
     times_s: Array
     path: RobotPath
-    surface: int | NDArray[np.intp]
+    surface: int | NDArray[np.intp] = 0
+    crossing: tuple[float, Array] | None = None
 
 
 @dataclass(frozen=True, eq=False)

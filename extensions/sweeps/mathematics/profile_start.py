@@ -1,13 +1,13 @@
 """A first X of a line profiler when none is known: 24 rotations, each with the rest by linear least squares."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from calibration.errors import UndeterminedError
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
-from extensions.sweeps.mathematics.profile_features import SurfacePoints
 from extensions.sweeps.mathematics.profile_solver import (
     DIFFERENCE_S,
     FIX,
@@ -34,7 +34,7 @@ MAX_OFFSET_S = 1.0
 
 
 def find_start(
-    found: Sequence[SurfacePoints], sweeps: Sequence[SweepPoints], radii_mm: Sequence[float | None], rough: Array | None
+    sweeps: Sequence[SweepPoints], radii_mm: Sequence[float | None], rough: Array | None
 ) -> ProfilerEstimate:
     """The estimate to refine; `rough`: X (4, 4), else it is searched. Raises UndeterminedError when two fit alike."""
     problem = ProfilerProblem([_thinned(sweep, COARSE_POINTS) for sweep in sweeps])
@@ -47,7 +47,7 @@ def find_start(
         rotations = cube_rotations()
     tried = []
     for rotation in rotations:
-        start = _linear(rotation, found, sweeps, radii_mm)
+        start = _linear(rotation, sweeps, radii_mm)
         problem.place_s(start.clock_offset_s)
         tried.append(descend(problem, start, COARSE_ITERATIONS))
     tried.sort(key=lambda entry: entry[1])
@@ -101,29 +101,27 @@ def _angle_rad(one: ProfilerEstimate, other: ProfilerEstimate) -> float:
 
 def _thinned(sweep: SweepPoints, count: int) -> SweepPoints:
     rows = np.unique(np.linspace(0, len(sweep.times_s) - 1, count).astype(int))
-    return SweepPoints(sweep.points_mm[rows], sweep.times_s[rows], sweep.path, sweep.surface)
+    return replace(sweep, points_mm=sweep.points_mm[rows], times_s=sweep.times_s[rows])
 
 
-def _linear(
-    rotation: Array, found: Sequence[SurfacePoints], sweeps: Sequence[SweepPoints], radii_mm: Sequence[float | None]
-) -> ProfilerEstimate:
+def _linear(rotation: Array, sweeps: Sequence[SweepPoints], radii_mm: Sequence[float | None]) -> ProfilerEstimate:
     """Translation, offset and surfaces that best fit a rotation of X; the offset in 1/100 s beside mm."""
     normals = [
         np.zeros(3) if radius is not None else _plane_normal(rotation, [one for one in sweeps if one.surface == index])
         for index, radius in enumerate(radii_mm)
     ]
     rows, right = [], []
-    for one, sweep in zip(found, sweeps, strict=True):
-        time_s = one.crossing[0] if one.crossing else float(np.median(sweep.times_s))
+    for sweep in sweeps:
+        time_s = sweep.crossing[0] if sweep.crossing else float(np.median(sweep.times_s))
         pose = sweep.path.at(time_s, np.inf, np.inf)
         ends = sweep.path.at(np.array([time_s - DIFFERENCE_S, time_s + DIFFERENCE_S]), np.inf, np.inf)
         row = np.zeros((3, 4 + 3 * len(radii_mm)))
         row[:, :3] = pose[:3, :3]
         row[:, 3] = (ends[1, :3, 3] - ends[0, :3, 3]) / (2 * DIFFERENCE_S) / 100
         own = slice(4 + 3 * sweep.surface, 7 + 3 * sweep.surface)
-        if one.crossing:
+        if sweep.crossing:
             row[:, own] = -np.eye(3)
-            at = pose[:3, :3] @ rotation @ one.crossing[1] + pose[:3, 3]
+            at = pose[:3, :3] @ rotation @ sweep.crossing[1] + pose[:3, 3]
         else:
             normal = normals[sweep.surface]
             at = _placed(rotation, sweep).mean(axis=0)

@@ -9,7 +9,7 @@ from calibration.errors import UndeterminedError
 from calibration.sentences.sentence import Sentence
 from calibration.solution import ClockOffsetDocument, Noise, Solution, ViewResult
 from calibration.transforms import Array
-from extensions.sweeps.mathematics.profile_features import SurfacePoints, find_plane, find_sphere
+from extensions.sweeps.mathematics.profile_features import find_plane, find_sphere
 from extensions.sweeps.mathematics.profile_solver import FIX, ProfilerProblem, ProfilerSolution, SweepPoints, refine
 from extensions.sweeps.mathematics.profile_start import MAX_OFFSET_S, find_start
 from registration.calibrate.outcome import solution_with_x, solution_without_x
@@ -52,8 +52,7 @@ def solve_profiler(sweeps: Sequence[ArtefactSweep], rough: Array | None = None) 
     for sweep in sweeps:
         if radii.setdefault(sweep.artefact, sweep.radius_mm) != sweep.radius_mm:
             raise ProfileError(f"the artefact {sweep.artefact!r} has two radii", "give each artefact a name of its own")
-    names, radii_mm = list(radii), list(radii.values())
-    found: dict[int, SurfacePoints] = {}
+    found: dict[int, SweepPoints] = {}
     reasons: dict[int, str] = {}
     for index, sweep in enumerate(sweeps):
         try:
@@ -63,7 +62,7 @@ def solve_profiler(sweeps: Sequence[ArtefactSweep], rough: Array | None = None) 
     paths = [sweeps[index].path for index in found]
     middles = np.array([path.base_T_flange[len(path.times_s) // 2] for path in paths]).reshape(-1, 4, 4)
     try:
-        answer, seen_mm = _solve(sweeps, found, names, radii_mm, rough)
+        answer, seen_mm = _solve(sweeps, found, radii, rough)
     except (UndeterminedError, PathGap) as error:
         results = [_view(index, reasons.get(index, error.code), None) for index in range(len(sweeps))]
         refusal = (
@@ -80,23 +79,29 @@ def solve_profiler(sweeps: Sequence[ArtefactSweep], rough: Array | None = None) 
     )  # fmt: skip
 
 
-def solve_sweeps(
-    points: Sequence[SurfacePoints],
-    sweeps: Sequence[SweepPoints],
-    radii_mm: Sequence[float | None],
+def _solve(
+    sweeps: Sequence[ArtefactSweep],
+    found: dict[int, SweepPoints],
+    radii_mm: dict[str, float | None],
     rough: Array | None,
-) -> ProfilerSolution:
-    """X, clock offset, surfaces and noise from the points found. Raises UndeterminedError, PathGap."""
-    if len(sweeps) < MIN_SWEEPS:
-        raise UndeterminedError("too-few-sweeps", Sentence("profiler-sweeps", sweeps=len(sweeps)), FIX)
-    start = find_start(points, sweeps, radii_mm, rough)
-    paths = [*{id(sweep.path): sweep.path for sweep in sweeps}.values()]
-    of = np.array([next(at for at, path in enumerate(paths) if path is sweep.path) for sweep in sweeps])
-    whole = [_together([sweep for sweep in sweeps if sweep.path is path]) for path in paths]  # one error of the arm
+) -> tuple[ProfilerSolution, Array]:
+    """The answer, and places (n, 3) in the profiler frame at which points were measured.
+
+    Raises UndeterminedError, PathGap.
+    """
+    if len(found) < MIN_SWEEPS:
+        raise UndeterminedError("too-few-sweeps", Sentence("profiler-sweeps", sweeps=len(found)), FIX)
+    used = [name for name in radii_mm if any(sweeps[index].artefact == name for index in found)]
+    each = [replace(one, surface=used.index(sweeps[index].artefact)) for index, one in found.items()]
+    start = find_start(each, [radii_mm[name] for name in used], rough)
+    paths = [*{id(sweep.path): sweep.path for sweep in each}.values()]
+    of = np.array([next(at for at, path in enumerate(paths) if path is sweep.path) for sweep in each])
+    whole = [_together([sweep for sweep in each if sweep.path is path]) for path in paths]  # one error of the arm
     answer = refine(ProfilerProblem(whole), replace(start, errors=np.zeros((len(whole), 6))))
     for sweep in whole:
         sweep.path.at(sweep.times_s + answer.estimate.clock_offset_s, np.inf if sweep.path.stands else MAX_GAP_S)
-    return replace(answer, residual_mm=answer.residual_mm[of])
+    seen_mm = np.concatenate([one.points_mm[:: len(one.points_mm) // SEEN_POINTS + 1] for one in each])
+    return replace(answer, residual_mm=answer.residual_mm[of]), seen_mm
 
 
 def _together(sweeps: Sequence[SweepPoints]) -> SweepPoints:
@@ -106,24 +111,7 @@ def _together(sweeps: Sequence[SweepPoints]) -> SweepPoints:
     return SweepPoints(points, times, sweeps[0].path, np.concatenate(surfaces))
 
 
-def _solve(
-    sweeps: Sequence[ArtefactSweep],
-    found: dict[int, SurfacePoints],
-    names: list[str],
-    radii_mm: list[float | None],
-    rough: Array | None,
-) -> tuple[ProfilerSolution, Array]:
-    """The answer, and places (n, 3) in the profiler frame at which points were measured."""
-    used = [name for name in names if any(sweeps[index].artefact == name for index in found)]
-    stacked = [
-        SweepPoints(points.points_mm, points.times_s, sweeps[index].path, used.index(sweeps[index].artefact))
-        for index, points in found.items()
-    ]
-    answer = solve_sweeps(list(found.values()), stacked, [radii_mm[names.index(name)] for name in used], rough)
-    return answer, np.concatenate([one.points_mm[:: len(one.points_mm) // SEEN_POINTS + 1] for one in stacked])
-
-
-def _find_artefact(sweep: ArtefactSweep) -> SurfacePoints:
+def _find_artefact(sweep: ArtefactSweep) -> SweepPoints:
     """Raises ProfileError, SphereError."""
     block, path = sweep.block, sweep.path
     if len(block) and not (
@@ -135,8 +123,8 @@ def _find_artefact(sweep: ArtefactSweep) -> SurfacePoints:
             f"give times of clocks that agree within {MAX_OFFSET_S:g} s; what is left is estimated",
         )
     if sweep.radius_mm is None:
-        return find_plane(block, standing=path.stands, face=sweep.face)
-    return find_sphere(block, sweep.radius_mm, standing=path.stands)
+        return find_plane(block, path, sweep.face)
+    return find_sphere(block, path, sweep.radius_mm)
 
 
 def _view(index: int, reason: str | None, error_mm: float | None) -> ViewResult:
