@@ -1,11 +1,15 @@
 """Subscription groups: watched resources, and the changes not yet sent."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from mock_robot.rws import documents
-from mock_robot.rws.exchange import Item
+from mock_robot.rws.context import RequestContext
+from mock_robot.rws.exchange import Item, RwsRequest
 from mock_robot.rws.refusals import BAD_ARGUMENT, RwsRefused
+from mock_robot.rws.routes import answer_request
 from mock_robot.rws.sessions import Session
 from mock_robot.rws.world import World
 
@@ -13,13 +17,28 @@ MAX_RESOURCES = 1000
 MAX_HIGH_PRIORITY = 64
 PERIODS_S = {0: 5.0, 1: 0.2, 2: 0.02}
 """Polling period in seconds of low, medium and high priority."""
-_PANEL = {
-    "panel/ctrlstate": ("pnl-ctrlstate-ev", "ctrlstate"),
-    "panel/ctrl-state": ("pnl-ctrlstate-ev", "ctrlstate"),
-    "panel/opmode": ("pnl-opmode-ev", "opmode"),
-    "panel/speedratio": ("pnl-speedratio-ev", "speedratio"),
-}
-_CTRLSTATE = {1: "panel/ctrlstate", 2: "panel/ctrl-state"}
+
+
+class Events(NamedTuple):
+    """A kind of event: a change of these values of the answer to a GET of `path`. `facet`: of the event's link."""
+
+    path: str
+    kind: str
+    facet: str
+    names: tuple[str, ...]
+
+
+EVENTS = (
+    Events("/rw/panel/ctrl-?state", "pnl-ctrlstate-ev", "", ("ctrlstate",)),
+    Events("/rw/panel/opmode", "pnl-opmode-ev", "", ("opmode",)),
+    Events("/rw/panel/speedratio", "pnl-speedratio-ev", "", ("speedratio",)),
+    Events("/rw/rapid/execution", "rap-ctrlexecstate-ev", ";ctrlexecstate", ("ctrlexecstate",)),
+    Events("/rw/iosystem/signals/.+", "ios-signalstate-ev", ";state", ("lvalue", "lstate")),
+    Events("/rw/elog/0", "elog-message-ev", "", ("seqnum",)),
+    Events("/rw/rapid/symbol/data/.+", "rap-data", ";value", ("value",)),
+    Events("/rw/rapid/symbol/RAPID/.+", "rap-value-ev", ";value", ("value",)),
+)
+HIGH_PRIORITY = ("ios-signalstate-ev", "rap-data", "rap-value-ev")
 
 
 @dataclass
@@ -30,12 +49,15 @@ class WatchedResource:
     href: str
     priority: int
     read: Callable[[], list[Item]]
-    sent: list[Item] = field(default_factory=list)
+    sent: list[Item]
     due_s: float = 0.0
 
     def changes(self) -> list[Item]:
         """Items that changed since the last call; new log entries one by one, oldest first."""
-        now = self.read()
+        try:
+            now = self.read()
+        except RwsRefused:  # while the program restarts
+            return []
         new = [item for item in reversed(now) if item not in self.sent]
         self.sent = now
         return new
@@ -75,11 +97,9 @@ class Subscriptions:
         numbers = [key for key in form if key.isdecimal()]
         if not numbers or "resources" not in form or len(numbers) > MAX_RESOURCES:
             raise RwsRefused(BAD_ARGUMENT, "Invalid resource URI in Create Subscription request")
-        watched = [self._resource(form[number], form.get(f"{number}-p", "")) for number in numbers]
+        watched = [self._resource(session, form[number], form.get(f"{number}-p", "")) for number in numbers]
         if sum(each.priority == 2 for each in watched) > MAX_HIGH_PRIORITY:
             raise RwsRefused(BAD_ARGUMENT, f"More than {MAX_HIGH_PRIORITY} resources of high priority")
-        for each in watched:
-            each.sent = each.read()
         self._number += 1
         group = self.groups[self._number] = SubscriptionGroup(self._number, session, watched)
         return group
@@ -98,67 +118,30 @@ class Subscriptions:
         if not silently:
             self.groups.clear()
 
-    def _resource(self, resource: str, priority: str) -> WatchedResource:
+    def _resource(self, session: Session, resource: str, priority: str) -> WatchedResource:
         """A resource by its path, with or without `;facet`. Raises RwsRefused."""
         if priority not in ("0", "1", "2"):
             raise RwsRefused(BAD_ARGUMENT, f"Priority {priority!r}")
-        found = self._find(resource.partition(";")[0].strip("/").removeprefix("rw/"))
-        if found is None or (priority == "2" and found[0] not in ("ios-signalstate-ev", "rap-data", "rap-value-ev")):
-            raise RwsRefused(BAD_ARGUMENT, f"Invalid resource URI in Create Subscription request {resource}")
-        kind, href, read = found
-        return WatchedResource(kind, href, int(priority), read)
-
-    def _find(self, path: str) -> tuple[str, str, Callable[[], list[Item]]] | None:
-        if path in _PANEL and (path.startswith(_CTRLSTATE[self.version]) or "ctrl" not in path):
-            kind, name = _PANEL[path]
-            return kind, f"/rw/{path}", lambda: [Item("", name, {name: self._panel(name)})]
-        if path == "rapid/execution":
-            return (
-                "rap-ctrlexecstate-ev",
-                "/rw/rapid/execution;ctrlexecstate",
-                lambda: [Item("", "execution", {"ctrlexecstate": self.world.execution_state})],
-            )
-        if path.startswith("iosystem/signals/"):
-            return self._signal(path.removeprefix("iosystem/signals/"))
-        if path == "elog/0":
-            world = self.world
-            return (
-                "elog-message-ev",
-                "/rw/elog/0",
-                lambda: [Item("", one.title, {"seqnum": one.title.rpartition("/")[2]}) for one in world.elog.items()],
-            )
-        if path.startswith("rapid/symbol/"):
-            return self._symbol(path)
-        return None
-
-    def _panel(self, name: str) -> str:
-        panel = self.world.cabinet.panel
-        values = {
-            "ctrlstate": self.world.controller_state,
-            "opmode": panel.mode.value,
-            "speedratio": str(round(100 * panel.speed_override)),
-        }
-        return values[name]
-
-    def _signal(self, path: str) -> tuple[str, str, Callable[[], list[Item]]] | None:
-        found = self.world.signal(path)
-        if found is None:
-            return None
-        name, title = found[0], f"{found[1].place}/{found[0]}".strip("/")
+        path = "/rw/" + resource.partition(";")[0].strip("/").removeprefix("rw/")
+        events = next((one for one in EVENTS if re.fullmatch(one.path, path)), None)
+        refused = RwsRefused(BAD_ARGUMENT, f"Invalid resource URI in Create Subscription request {resource}")
+        if events is None or (priority == "2" and events.kind not in HIGH_PRIORITY):
+            raise refused
+        asked = RwsRequest("GET", path, {"order": "lifo"}, {}, {"accept": "v=2.1"}, b"", "")
 
         def read() -> list[Item]:
-            lvalue = self.world.signals[name].lvalue(self.world.cabinet)
-            return [Item("", title, {"lvalue": lvalue, "lstate": "not simulated"})]
+            context = RequestContext(self.world, self.version, session, asked, self.world.clock())
+            found = []
+            for item in answer_request(context).items:
+                values = {**item.values, "seqnum": item.title.rpartition("/")[2]}
+                title = events.names[0] if "/panel/" in events.path else item.title.removeprefix("RAPID/")
+                found.append(Item("", title, {name: values[name] for name in events.names}))
+            return found
 
-        return "ios-signalstate-ev", f"/rw/iosystem/signals/{title};state", read
-
-    def _symbol(self, path: str) -> tuple[str, str, Callable[[], list[Item]]] | None:
-        """`symbol/data/RAPID/...` in 1.0, `symbol/RAPID/.../data` in 2.0."""
-        first = self.version == 1
-        bare = path.removeprefix("rapid/symbol/data/RAPID/" if first else "rapid/symbol/RAPID/").removesuffix("/data")
-        found = self.world.memory.symbol(bare, self.world.cabinet)
-        if found is None:
-            return None
-        symbol = found[1]
-        kind = "rap-data" if first else "rap-value-ev"
-        return kind, f"/rw/{path};value", lambda: [Item("", found[0], {"value": symbol.value})]
+        try:
+            sent = read()
+        except RwsRefused:
+            raise refused from None
+        if events.kind == "ios-signalstate-ev":  # with its device, also when it was named without
+            path = f"/rw/iosystem/signals/{sent[0].title}"
+        return WatchedResource(events.kind, path + events.facet, int(priority), read, sent)
