@@ -111,8 +111,8 @@ def clock(context: RequestContext, parts: Parts) -> Reply:
 
 def mechunit(context: RequestContext, parts: Parts) -> Reply:
     _require_mechunit(parts)
-    selected = context.world.selection
-    values = {"tool-name": selected.tool, "wobj-name": selected.wobj, "payload-name": "load0",
+    tool, wobj = context.world.selection
+    values = {"tool-name": tool, "wobj-name": wobj, "payload-name": "load0",
               "total-payload-name": "load0", "status": "Synchronized", "mode": "Activated", "jog-mode": "Cartesian",
               "type": "TCPRobot", _title(context, "task", "task-name"): "T_ROB1", "coord-system": "World", "axes": "6",
               "axes-total": "6", "is-integrated-unit": "NoIntegratedUnit",
@@ -285,10 +285,10 @@ def _require_mechunit(parts: Parts) -> None:
 def _pose(context: RequestContext, parts: Parts) -> dict[str, str]:
     """Position and quaternion by name. Tool and work object default to those selected at the pendant."""
     _require_mechunit(parts)
-    query, selected = context.asked.query, context.world.selection
+    query, (tool, wobj) = context.asked.query, context.world.selection
     try:
         position, quaternion = context.world.pose(
-            query.get("tool", selected.tool), query.get("wobj", selected.wobj), query.get("coordinate", "Wobj")
+            query.get("tool", tool), query.get("wobj", wobj), query.get("coordinate", "Wobj")
         )
     except KeyError as unknown:
         raise RwsRefused(BAD_ARGUMENT, f"Unknown tool, work object or coordinate system {unknown}") from None

@@ -68,14 +68,6 @@ MOTORS_ON_CODE, MOTORS_OFF_CODE, ESTOP_CODE, RELEASED_CODE = 10011, 10012, 10013
 _SWITCHED = (MOTORS_ON_CODE, MOTORS_OFF_CODE, ESTOP_CODE, RELEASED_CODE)
 
 
-@dataclass(frozen=True)
-class PendantSelection:
-    """Tool and work object selected at the pendant, the default of requests that name none."""
-
-    tool: str = "tool0"
-    wobj: str = "wobj0"
-
-
 @dataclass
 class World:
     """State shown by the services. `programs` are called when RAPID starts."""
@@ -88,7 +80,6 @@ class World:
     equipment: Equipment = field(default_factory=Equipment)
     tools: dict[str, Array] = field(default_factory=lambda: {"tool0": np.eye(4), "tGripper": _shift_z(150.0)})
     wobjs: dict[str, Array] = field(default_factory=lambda: {"wobj0": np.eye(4), "wobjTableN": _shift_z(100.0)})
-    picked: PendantSelection = PendantSelection()
     programs: list[Callable[[], None]] = field(default_factory=list)
     address: str = "127.0.0.1"
     backups: dict[str, str] = field(default_factory=dict)
@@ -142,9 +133,9 @@ class World:
         return self.cabinet.panel.mode
 
     @property
-    def selection(self) -> PendantSelection:
-        """Tool and work object selected at the pendant now."""
-        return PendantSelection("tGripper", "wobjTableN") if self.faults.is_on("rws-other-tool") else self.picked
+    def selection(self) -> tuple[str, str]:
+        """Tool and work object selected at the pendant now, the default of requests that name none."""
+        return ("tGripper", "wobjTableN") if self.faults.is_on("rws-other-tool") else ("tool0", "wobj0")
 
     @property
     def controller_state(self) -> str:

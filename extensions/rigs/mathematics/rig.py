@@ -81,7 +81,6 @@ class RigSolution:
     mount_T_sensor : (S, 4, 4). anchor_T_target : (4, 4).
     covariance : (6 S + 6, 6 S + 6) of all of them, each of pose @ exp(.), [rotation rad, translation mm].
     robot : standard deviations of the robot's pose, rotation in rad and translation in mm.
-    beyond : (S, 2) standard deviations of each sensor's errors beyond its given covariance, rad and mm.
     stations, shared : number of stations, and of those at which more than one sensor saw the target.
     """
 
@@ -91,7 +90,6 @@ class RigSolution:
     anchor_T_target: Array
     covariance: Array
     robot: tuple[float, float]
-    beyond: Array
     stations: int
     shared: int
 
@@ -166,8 +164,7 @@ def solve_rig(problems: Mapping[str, Problem]) -> RigSolution:
     _, times = np.unique(np.concatenate(stations), return_counts=True)
     return RigSolution(
         sensors[0].pairs.setup, tuple(sensors), mounts, target, covariance[:places, :places],
-        (float(levels[0]), float(levels[1])), levels[len(ROBOT_PRIORS) :].reshape(-1, 2),
-        len(times), int(np.count_nonzero(times > 1)),
+        (float(levels[0]), float(levels[1])), len(times), int(np.count_nonzero(times > 1)),
     )  # fmt: skip
 
 
