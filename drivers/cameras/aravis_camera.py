@@ -20,13 +20,16 @@ class AravisLibrary:
         self._name = name
 
     def discover(self) -> list[FoundCamera]:
-        """Cameras that answer on any interface. Raises LibraryMissing."""
+        """Cameras that answer on any interface; asked twice for one by name, whose datagram may be lost.
+
+        Raises LibraryMissing.
+        """
         aravis = Aravis()
-        aravis.update_device_list()
-        places = range(aravis.get_n_devices())
-        found = [_found(aravis, place) for place in places if aravis.device_text(place, "protocol") in PROTOCOLS]
-        if is_address(self._name) and not any(camera.is_named(self._name) for camera in found):
-            found.append(FoundCamera("", "camera", "unknown", self._name, self._name))
+        found = _answering(aravis)
+        if self._name and not any(camera.is_named(self._name) for camera in found):
+            if is_address(self._name):
+                return [*found, FoundCamera("", "camera", "unknown", self._name, self._name)]
+            found = _answering(aravis)
         return found
 
     def open(self, camera: FoundCamera) -> "OpenAravisCamera":
@@ -117,6 +120,12 @@ class OpenAravisCamera:
         if node is None:
             raise VendorError(f"it has no feature {feature}")
         return node
+
+
+def _answering(aravis: Aravis) -> list[FoundCamera]:
+    aravis.update_device_list()
+    places = range(aravis.get_n_devices())
+    return [_found(aravis, place) for place in places if aravis.device_text(place, "protocol") in PROTOCOLS]
 
 
 def _found(aravis: Aravis, place: int) -> FoundCamera:

@@ -148,7 +148,8 @@ async def test_who_comes_from_the_port_of_a_client_that_was_cut_off_has_a_sessio
         await plc.listen("cell7.Cell.Ready")
         plc.client.disconnect_socket()
         async with gateway.client("plc", keys["viewer"]) as again:
-            assert await again.read("cell7.Cell.Ready") is True
+            await again.listen("cell7.Cell.Ready")
+            await again.waits("cell7.Cell.Ready", True)
 
 
 async def test_a_client_that_was_cut_off_returns_to_its_session_with_its_certificate_alone(tmp_path: Path) -> None:
@@ -168,7 +169,8 @@ async def test_a_client_that_was_cut_off_returns_to_its_session_with_its_certifi
             assert await refused(reads) == "BadSessionIdInvalid", "asyncua goes on with the session that was refused"
         async with gateway.client("plc", keys["viewer"], session=file) as again:
             assert token_of(again) == token_of(plc)
-            assert await again.read("cell7.Cell.Ready") is True
+            await again.listen("cell7.Cell.Ready")
+            await again.waits("cell7.Cell.Ready", True)
 
 
 def token_of(client: PlantClient) -> Any:
