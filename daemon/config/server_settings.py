@@ -29,6 +29,9 @@ def _validate_http_url(url: str) -> str:
     return url
 
 
+Host = Annotated[str, AfterValidator(lambda host: host[1:-1] if host[:1] + host[-1:] == "[]" else host)]
+"""As in a setting, or in a URL: `[::1]` is `::1`."""
+
 HostName = Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[A-Za-z0-9._-]+$")]
 
 
@@ -38,7 +41,7 @@ class ServerSettings(Document):
     `idle_minutes`: without a touch for this long a browser's session may only read; 0: never.
     """
 
-    host: str = "127.0.0.1"
+    host: Host = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8372
     allowed_hosts: tuple[HostName, ...] = ()
     certificate: str | None = None

@@ -269,10 +269,16 @@ OF_ONE_CAMERA = (
 """Of [calibration], what no further camera takes over, besides the poses."""
 
 
+def _validate_folder(folder: str) -> str:
+    if folder.startswith("~"):
+        raise ValueError("a service has no home, so ~ is not replaced: give the whole path")
+    return folder
+
+
 class StorageSettings(Document):
     """The store's folder, relative to the settings file's folder, and how much of it is kept."""
 
-    folder: Annotated[str, Field(min_length=1)] = "/var/lib/handeyed"
+    folder: Annotated[str, Field(min_length=1), AfterValidator(_validate_folder)] = "/var/lib/handeyed"
     reserve_mb: Annotated[float, Field(ge=0, le=1_000_000)] = 500.0
     keep_runs: Annotated[int, Field(ge=1, le=1_000_000)] = 500
     keep_days: Annotated[float, Field(gt=0, le=36_500)] = 365.0

@@ -170,6 +170,7 @@ def test_the_mark_of_windows_editors_is_no_part_of_the_text() -> None:
         (("[1, 1, 1]", "[1, nan, 1]"), "robot.box_mm[1][1]", "finite"),
         (('address = "tcp://r:1"', 'address = "tcp://r:1"\nmodel = "IRB 1600-6"'), "robot.model", "IRB 1600-6/1.45"),
         (("[camera]", '[server]\nhost = "0.0.0.0"\n[camera]'), "server", "handeyed tls init"),
+        (("[camera]", '[storage]\nfolder = "~/store"\n[camera]'), "storage.folder", "give the whole path"),
         (("[camera]", "[calibration]\ncount = 2\n[camera]"), "calibration.count", "2 is below 3: give 3 or more"),
         (
             (
@@ -189,6 +190,12 @@ def test_a_mistake_is_reported_with_file_place_and_what_to_do(change: tuple[str,
     problem = next(problem for problem in caught.value.problems if problem.place == place)
     assert says in str(problem)
     assert str(caught.value).startswith("cell.toml: ")
+
+
+def test_an_address_may_stand_in_brackets_as_in_a_url() -> None:
+    text = SMALLEST.replace("[camera]", '[server]\nhost = "[::1]"\n[camera]')
+    server = parse_settings(text.encode(), "cell.toml").server
+    assert (server.host, server.local_url) == ("::1", "http://[::1]:8372")
 
 
 def test_a_missing_file_torn_toml_and_other_bytes_are_reported(tmp_path: Path) -> None:
