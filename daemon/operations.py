@@ -36,13 +36,11 @@ from daemon.model.requests import (
     VerifyRequest,
 )
 from daemon.model.run_states import RunState
-from daemon.runs.adaptive_sequence import AdaptiveSequence
+from daemon.runs.adaptive_sequence import AdaptiveSequence, Foresight, foresee, foresee_taught
 from daemon.runs.calibration_run import CalibrationRun, IdentifyArm, LoadIdentification, solve_session_of, solve_without
 from daemon.runs.calibrations import Calibrations, require_setup
-from daemon.runs.foresight import Foresight, foresee, foresee_taught
-from daemon.runs.held_move import HeldMove
-from daemon.runs.jog import Jog, SmallMove
-from daemon.runs.manual_sequence import ManualParameters, ManualSequence
+from daemon.runs.jog import HeldMove, Jog, SmallMove
+from daemon.runs.manual_sequence import ManualSequence
 from daemon.runs.operator_requests import OperatorAction, OperatorRequestQueue
 from daemon.runs.pose_selection import (
     SceneGuess,
@@ -54,9 +52,9 @@ from daemon.runs.pose_selection import (
     select_taught_poses,
     stopping_rule,
 )
-from daemon.runs.pose_sequence import FixedSequence
-from daemon.runs.scan_run import ScanRun
-from daemon.runs.sequence_plan import Drive, MakeSequence, OpenBeside, RunSessions, plan_sequence
+from daemon.runs.pose_sequence import FixedSequence, visit_poses
+from daemon.runs.run_log import RunLog, RunResult
+from daemon.runs.run_sessions import Drive, MakeSequence, OpenBeside, RunSessions
 from daemon.runs.supervisor import RunPlan, Supervisor
 from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
@@ -149,10 +147,18 @@ class Operations:
         beside, drive_all = joined or ALONE
         lens, offset = self.settings.camera.intrinsics, request.axis_offset or settings.axis_offset
         belief = await self._noise_belief()
-        session = self.sessions.prepare("calibration", target, lens, beside, offset, belief)
+        sessions = self.sessions
 
-        def drive(*, compared: bool) -> Drive:
-            return drive_all(self.calibration_run(request, compared=compared))
+        def plan(stations: int, sequence: MakeSequence, *, compared: bool) -> RunPlan:
+            drive = drive_all(self.calibration_run(request, compared=compared))
+
+            def begin(log: RunLog) -> Awaitable[RunResult]:
+                session = sessions.open(
+                    "calibration", log, target, lens, beside=beside(log), axis_offset=offset, robot_noise=belief
+                )
+                return drive(sequence(session, log), log)
+
+            return RunPlan(stations, begin)
 
         async def prepare() -> RunPlan:
             obstacles = self.cell.capture_obstacles() if request.manual else await self.cell.obstacles()
@@ -160,7 +166,7 @@ class Operations:
             poses = () if request.manual else request.poses or select_taught_poses(settings, request.count)
             if poses:
                 sequence = await self._fixed_sequence(poses)
-                return plan_sequence(len(poses), sequence, session, drive(compared=offset is None))
+                return plan(len(poses), sequence, compared=offset is None)
             if not request.manual:
                 require_planned_poses(offset, self.rules)
             wish = stopping_rule(settings, request)
@@ -168,13 +174,12 @@ class Operations:
             points = self.settings.part.named_points()
             route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points, belief)
             if request.manual:
-                by_hand = ManualParameters(route, requests := OperatorRequestQueue(), settings.manual_wait_s)
-                sequence = partial(ManualSequence, by_hand, self.cell, self.workers)
-                begun = plan_sequence(count, sequence, session, drive(compared=offset is None))
-                return replace(begun, first_state=RunState.WAITING, requests=requests)
+                requests = OperatorRequestQueue(settings.manual_wait_s)
+                sequence = partial(ManualSequence, route, requests, self.cell, self.workers)
+                by_hand = plan(count, sequence, compared=offset is None)
+                return replace(by_hand, first_state=RunState.WAITING, requests=requests)
             await self._check_poses()
-            sequence = partial(AdaptiveSequence, route, self.cell, self.workers)
-            return plan_sequence(count, sequence, session, drive(compared=False))
+            return plan(count, partial(AdaptiveSequence, route, self.cell, self.workers), compared=False)
 
         return await self._start("calibration", request, prepare)
 
@@ -260,10 +265,14 @@ class Operations:
             require_setup(calibration, self.settings.camera.setup)
             await self._check_ready(await self.cell.obstacles())
             run = VerificationRun(self.workers, given, settings.verdict_limits(request.tolerance_mm))
-            session = self.sessions.prepare("verify", target, calibration.camera)
+
+            def plan(stations: int, sequence: MakeSequence) -> RunPlan:
+                open_session = partial(self.sessions.open, "verify", target=target, camera=calibration.camera)
+                return RunPlan(stations, lambda log: run.drive(sequence(open_session(log), log), log))
+
             poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
-                return plan_sequence(len(poses), await self._fixed_sequence(poses), session, run.drive)
+                return plan(len(poses), await self._fixed_sequence(poses))
             require_planned_poses(settings.axis_offset, self.rules)
             await self._check_poses()
             wish = StoppingRule(VERIFY_POSITIONS)
@@ -272,9 +281,7 @@ class Operations:
             if (axis := calibration.external_axis) is not None:
                 route = route.at_reading(axis, await self.cell.robot.read_pose())
             planned = partial(AdaptiveSequence, route, self.cell, self.workers)
-            return plan_sequence(
-                VERIFY_POSITIONS, lambda *of_run: WithoutFirstView(planned(*of_run)), session, run.drive
-            )
+            return plan(VERIFY_POSITIONS, lambda *of_run: WithoutFirstView(planned(*of_run)))
 
         return await self._start("verify", request, prepare)
 
@@ -294,11 +301,20 @@ class Operations:
                 raise NoPoses(Sentence("no-poses-given", place=place), Sentence("send-poses"))
             await self._check_poses(poses)
             created.append(await self.scans.create(request.name, request.refine, name))
-            run = ScanRun(self.cell, self.scans, self.rules, created[0])
-            return RunPlan(len(poses), lambda log: run.drive(poses, log))
+            return RunPlan(len(poses), partial(self._fill_scan, created[0], poses))
 
         run = await self._start("scan", request, prepare)
         return created[0], run
+
+    async def _fill_scan(self, scan: ScanRecord, poses: tuple[TaughtPose, ...], log: RunLog) -> RunResult:
+        """Take and store a cloud from each pose."""
+
+        async def at_station(reading: PoseReading) -> None:
+            cloud = await self.cell.capture_cloud(reading, scan.scanner)
+            await self.scans.add_scanned_view(scan, cloud, FlangePose.of(reading))
+
+        await visit_poses(poses, self.cell, self.rules, log, at_station, last=None)
+        return {"scan_id": scan.id, "views": len(poses)}
 
     async def jog(self, request: JogRequest) -> RunRecord:
         """Start one small move of the arm. Raises as `move_once`."""

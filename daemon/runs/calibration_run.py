@@ -24,7 +24,6 @@ from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import NoCalibration
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.requests import ObservationsRequest, SolveRequest
-from daemon.model.run_states import RunEvent as E
 from daemon.runs.calibrations import result_of, why_not_applied
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog, RunResult
@@ -77,7 +76,7 @@ class CalibrationRun:
         problem = await sequence.run(MIN_VIEWS)
         solved = await self.workers.run(self.solve, problem, log.id, self.clock.timestamp())
         log.conclude()
-        return E.SOLVED, await self.keep(solved, log.id)
+        return await self.keep(solved, log.id)
 
     async def keep(self, solved: Solved, run_id: str) -> dict[str, Any]:
         """Store a calibration, and apply it where the policy says so; returns the run's result. Raises StorageError."""

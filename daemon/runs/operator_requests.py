@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from calibration.sentences.sentence import Sentence
-from daemon.errors import CellBusy, DaemonError, RunOver
+from daemon.errors import CellBusy, DaemonError, OperatorTimeout, RunOver
 from daemon.runs.jog import Jog
 from drivers.errors import DeviceError
 
@@ -30,9 +30,10 @@ class OperatorRequest:
 
 
 class OperatorRequestQueue:
-    """Passes requests from the interface to the run."""
+    """Passes requests from the interface to the run, which waits for each up to `limit_s`."""
 
-    def __init__(self) -> None:
+    def __init__(self, limit_s: float) -> None:
+        self._limit_s = limit_s
         self._pending: OperatorRequest | None = None
         self._queue: asyncio.Queue[OperatorRequest] = asyncio.Queue(1)
         self._closed = False
@@ -49,11 +50,15 @@ class OperatorRequestQueue:
         self._queue.put_nowait(self._pending)
         await asyncio.shield(answer)  # carried out even if the client disconnects
 
-    async def next(self, limit_s: float) -> OperatorRequest:
-        """Wait for the next request; the previous one must be answered. Raises TimeoutError."""
+    async def next(self) -> OperatorRequest:
+        """Wait for the next request; the previous one must be answered. Raises OperatorTimeout."""
         self._pending = None
-        async with asyncio.timeout(limit_s):
-            return await self._queue.get()
+        try:
+            async with asyncio.timeout(self._limit_s):
+                return await self._queue.get()
+        except TimeoutError:
+            what = Sentence("nobody-asked", limit_s=self._limit_s)
+            raise OperatorTimeout(what, Sentence("start-when-somebody-is-there")) from None
 
     def close(self) -> None:
         """Accept no more requests, and refuse a pending one."""

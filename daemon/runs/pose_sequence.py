@@ -12,7 +12,7 @@ from daemon.cell.motion_rules import MotionRules
 from daemon.cell.settling import check_arrival
 from daemon.config.settings import TaughtPose
 from daemon.errors import TargetNotSeen
-from daemon.model.run_states import RunEvent as E
+from daemon.model.run_states import RunState
 from daemon.runs.run_log import RunLog
 from daemon.sessions.session_writer import SessionWriter
 from drivers.interfaces import PoseReading
@@ -49,14 +49,14 @@ class FixedSequence:
             searches.append(asyncio.create_task(self.session.view(index)))
 
         try:
-            await visit_poses(self.poses, self.cell, self.rules, self.log, at_station, last=E.ALL_CAPTURED)
+            await visit_poses(self.poses, self.cell, self.rules, self.log, at_station, last=RunState.DETECTING)
             views = [await search for search in searches]
         finally:
             for search in searches:
                 search.cancel()
             await asyncio.gather(*searches, return_exceptions=True)
         check_detections(views, min_views)
-        await self.log.advance(E.DETECTED)
+        await self.log.advance(RunState.SOLVING)
         return self.session.problem(views)
 
 
@@ -66,9 +66,9 @@ async def visit_poses(
     rules: MotionRules,
     log: RunLog,
     at_station: StationCallback,
-    last: E | None,
+    last: RunState | None,
 ) -> None:
-    """For each pose move, settle and call `at_station`. `last`: the event after the last, None when the run ends there.
+    """For each pose move, settle and call `at_station`. `last`: the state after the last, None when the run ends there.
 
     Arms the robot on entry, and leaves it stopped and disarmed. Raises DeviceError, DaemonError, and the exceptions of
     `at_station`.
@@ -77,14 +77,14 @@ async def visit_poses(
         for station, pose in enumerate(poses, start=1):
             goal = await rules.goal(station, pose, robot)
             await cell.move_to(goal)
-            await log.advance(E.ARRIVED)
+            await log.advance(RunState.SETTLING)
             reading = await cell.read_settled_pose()
             check_arrival(goal.base_T_flange, reading, robot.capabilities.pose_convention)
-            await log.advance(E.SETTLED)
+            await log.advance(RunState.CAPTURING)
             await at_station(reading)
-            event = E.CAPTURED if station < len(poses) else last
-            if event is not None:
-                await log.advance(event)
+            following = RunState.MOVING if station < len(poses) else last
+            if following is not None:
+                await log.advance(following, captured=True)
 
 
 def check_detections(views: list[View], min_views: int) -> None:

@@ -8,19 +8,16 @@ from typing import Any
 from calibration.documents.numbers import significant
 from daemon.errors import StorageError
 from daemon.model.records import CauseDocument, Planning, RunRecord
-from daemon.model.run_states import RunEvent, RunState, next_state
+from daemon.model.run_states import RunState, require_step
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 
-RunResult = tuple[RunEvent, dict[str, Any]]
-"""The event that finishes a run, and its result."""
-
+RunResult = dict[str, Any]
+"""Of a run that has finished; its keys depend on the kind."""
 
 log = logging.getLogger(__name__)
 
 SaveRun = Callable[[RunRecord], Awaitable[None]]
-
-STATION_DONE = frozenset({RunEvent.CAPTURED, RunEvent.ALL_CAPTURED, RunEvent.ALL_STORED})
 
 
 def ignore_step() -> None:
@@ -55,13 +52,13 @@ class RunLog:
         self._publish()
 
     async def advance(
-        self, event: RunEvent, *, planning: Planning | None = None, stations: int | None = None, captured: bool = False
+        self, state: RunState, *, planning: Planning | None = None, stations: int | None = None, captured: bool = False
     ) -> None:
-        """Apply an event, with the plan and the number of stations if they change. Raises StorageError.
+        """The next state, with the plan and the number of stations if they change. Raises StorageError.
 
-        `captured`: this event ends a station; for events that only sometimes do.
+        `captured`: this step ends a station.
         """
-        after = self._after(event)
+        after = self._in(state)
         self.run = replace(
             after,
             planning=planning or after.planning,
@@ -71,11 +68,17 @@ class RunLog:
         await self._save(self.run)
         self._publish()
 
-    async def end(
-        self, event: RunEvent, *, cause: CauseDocument | None = None, result: dict[str, Any] | None = None
-    ) -> None:
-        """End the run. If it cannot be saved, the record stays in memory (`unsaved`) and an error is logged."""
-        self.run = replace(self._after(event), cause=cause, result=result)
+    async def finish(self, result: RunResult) -> None:
+        """End the run, which has taken all its stations, with its result."""
+        await self._end(replace(self._in(RunState.FINISHED), result=result, station=self.run.stations))
+
+    async def fail(self, cause: CauseDocument, *, aborted: bool = False) -> None:
+        """End the run before it has finished."""
+        await self._end(replace(self._in(RunState.ABORTED if aborted else RunState.FAILED), cause=cause))
+
+    async def _end(self, run: RunRecord) -> None:
+        """If it cannot be saved, the record stays in memory (`unsaved`) and an error is logged."""
+        self.run = run
         try:
             await self._save(self.run)
         except StorageError as error:
@@ -97,13 +100,9 @@ class RunLog:
         """Seconds since the last step; 0 while the run waits for an operator or is over."""
         return 0.0 if self.run.is_over or self.waits_for_operator else self._clock.monotonic_s() - self.since_s
 
-    def _after(self, event: RunEvent) -> RunRecord:
-        return replace(
-            self.run,
-            state=next_state(self.run.state, event),
-            station=self.run.station + (event in STATION_DONE),
-            updated_at=self._clock.timestamp(),
-        )
+    def _in(self, state: RunState) -> RunRecord:
+        require_step(self.run.state, state)
+        return replace(self.run, state=state, updated_at=self._clock.timestamp())
 
     def _publish(self) -> None:
         run = self.run

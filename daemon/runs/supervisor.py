@@ -26,7 +26,7 @@ from daemon.errors import (
     StorageError,
 )
 from daemon.model.records import CauseDocument, RunKind, RunRecord
-from daemon.model.run_states import FIRST_STATE, RunEvent, RunState
+from daemon.model.run_states import RunState
 from daemon.runs.calibrations import result_of, why_not_applied
 from daemon.runs.operator_requests import OperatorRequestQueue
 from daemon.runs.run_log import RunLog, RunResult, ignore_step, run_event
@@ -102,7 +102,7 @@ class RunPlan:
 
     stations: int
     drive: Drive
-    first_state: RunState = FIRST_STATE
+    first_state: RunState = RunState.MOVING
     requests: OperatorRequestQueue | None = None
 
 
@@ -252,11 +252,11 @@ class Supervisor:
             run_log = RunLog(run, self._save, self._events, self._clock)
             await run_log.begin()
             if self._stopping:
-                await run_log.end(RunEvent.ABORT, cause=abort_cause(Sentence("by-stopping-daemon"), run))
+                await run_log.fail(abort_cause(Sentence("by-stopping-daemon"), run), aborted=True)
                 raise Stopping
             if self.abort_holds != holds_before:
                 by = ", ".join(self._abort_holders) or Sentence("by-plc")
-                await run_log.end(RunEvent.ABORT, cause=abort_cause(by, run))
+                await run_log.fail(abort_cause(by, run), aborted=True)
                 raise AbortHeld(self._abort_holders)
             task = asyncio.create_task(self._supervise(run_log, departure.drive))
             self._current = _InProgress(run_log, task, departure.requests)
@@ -347,21 +347,20 @@ class Supervisor:
     async def _supervise(self, run_log: RunLog, drive: Drive) -> None:
         with about_run(run_log.id):
             try:
-                event, result = await _drive_with_limit(run_log, drive)
-                await run_log.end(event, result=result)
+                await run_log.finish(await _drive_with_limit(run_log, drive))
             except asyncio.CancelledError:
                 by = self._current.aborted_by if self._current else ""
                 report = self._cell.safe_stop.unconfirmed
                 warning = None if report is None else report.warning
                 cause = abort_cause(by or Sentence("by-stopping-daemon"), run_log.run, warning)
-                await run_log.end(RunEvent.ABORT, cause=cause)
+                await run_log.fail(cause, aborted=True)
             except Exception as error:
                 cause = cause_of(error, run_log.run)
                 if cause.code == "internal-error":
                     log.exception("a defect ended the run")
                 else:
                     log.warning("the run failed: %s", error)
-                await run_log.end(RunEvent.FAULT, cause=cause)
+                await run_log.fail(cause)
         self.end_counts[run_log.run.kind, run_log.run.state] += 1
         if run_log.unsaved:
             self._unsaved[run_log.id] = run_log.run

@@ -12,7 +12,6 @@ from calibration.monitoring.target_scatter import Verification, verify
 from calibration.problem import Problem
 from calibration.solution import COVERAGE_FACTOR
 from calibration.verdict import VerdictLimits
-from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog, RunResult
 from daemon.runs.run_modules import load_run_modules
@@ -56,7 +55,7 @@ class VerificationRun:
             document["camera_temperature_c"] = round(float(np.mean(known_c)), 2)
         if self.given.arm is not None:
             document["arm"] = AS_BUILT
-        return E.SOLVED, {"calibration_id": calibration.id, "verification": document}
+        return {"calibration_id": calibration.id, "verification": document}
 
 
 def _verify(problem: Problem, given: CalibrationInUse) -> Verification:

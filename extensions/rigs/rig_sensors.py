@@ -25,7 +25,7 @@ from daemon.operations import DriveAll, Operations
 from daemon.runs.calibration_run import CalibrationRun
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog, RunResult
-from daemon.runs.sequence_plan import Drive, OpenBeside
+from daemon.runs.run_sessions import Drive, OpenBeside
 from daemon.scans.upload import SUFFIXES
 from daemon.sessions.session_files import SESSION_FILE
 from daemon.sessions.session_reader import load_problem, open_session
@@ -117,7 +117,7 @@ class TogetherRun:
         A sensor that cannot be calibrated, and a rig that is refused, are named in the result and fail nothing else;
         one that is calibrated without some of its looks is named in `missed`.
         """
-        event, result = await self.main.drive(sequence, log)
+        result = await self.main.drive(sequence, log)
         together: dict[str, Any] = {"calibrations": {}, "rig_id": None, "refused": {}, "missed": {}}
         for name, run in self.cameras.items():
             try:
@@ -138,8 +138,7 @@ class TogetherRun:
             together["rig_id"] = record.id
         except (CalibrationError, CalibrationUnusable) as error:
             together["refused"]["rig"] = str(error)
-        assert result is not None
-        return event, {**result, "together": together}
+        return {**result, "together": together}
 
     async def _calibrate(self, name: str, run: CalibrationRun, log: RunLog) -> dict[str, Any]:
         """Solve one camera's session, and store its calibration. Raises CalibrationError, StorageError."""
@@ -197,7 +196,8 @@ class RigSensors:
 
         def beside(name: str, log: RunLog) -> SensorBeside:
             if (other := main.others.get(name)) is not None:
-                writer = other.sessions.open_beside(name, target, other.settings.camera.intrinsics, log)
+                lens = other.settings.camera.intrinsics
+                writer = other.sessions.open("calibration", log, target, lens, sensor=name)
                 return CameraBeside(other.cell, writer)
             if (settings := main.scans.settings_of(name)) is None:
                 raise NoScanner

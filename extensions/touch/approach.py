@@ -14,7 +14,6 @@ from daemon.cell.settling import check_arrival, check_external_axes
 from daemon.config.settings import TaughtPose
 from daemon.errors import CellNotReady, PoseRefused
 from daemon.model.records import FlangePose
-from daemon.model.run_states import RunEvent
 from daemon.runs.jog import MAX_TRAVEL_DEG, NO_STATION, result_of
 from daemon.runs.run_log import RunLog, RunResult
 from drivers.interfaces import MoveGoal, PoseReading
@@ -122,7 +121,7 @@ class TouchApproach:
                 check_external_axes(first.external_axes, reading.external_axes)
                 check_arrival(goal.base_T_flange, reading, robot.capabilities.pose_convention)
         at = self._approach(FlangePose.of(reading).stance)
-        return RunEvent.STANDS, {
+        return {
             **result_of(reading),
             "touch": {
                 "point_mm": at.point_mm.round(4).tolist(), "tip_mm": at.tip_mm.round(4).tolist(),

@@ -12,7 +12,7 @@ import pytest
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import difference, rotation_from_vector, transform
 from daemon.model.run_states import RunState
-from daemon.runs.held_move import MAX_STEP_MM
+from daemon.runs.jog import MAX_STEP_MM
 from tests.daemon.by_hand import COLUMNS, FRAME_PX, POSES, ROWS, ByHand, by_hand
 from tests.daemon.cell_under_test import Parts
 from tests.daemon.fakes import Gate

@@ -13,7 +13,7 @@ import pytest
 from calibration.transforms import difference, rotation_from_vector, transform
 from daemon.cell.held_button import HeldButton
 from daemon.errors import NotHeld
-from daemon.runs.held_move import MAX_STEP_MM, MAX_STEP_RAD, steps_between
+from daemon.runs.jog import MAX_STEP_MM, MAX_STEP_RAD, steps_between
 from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.fakes import Gate

@@ -1,8 +1,7 @@
-"""The plan of a run that takes its views along one sequence of poses, into a session of its own."""
+"""The session folders of runs that take their views along one sequence of poses."""
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from calibration.documents.knowledge import KnowledgeDocument, NoiseBeliefDocument
 from calibration.documents.session import CameraDocument, SessionDocument
@@ -12,25 +11,18 @@ from calibration.problem import AxisOffset, Setup
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog, RunResult
-from daemon.runs.supervisor import RunPlan
 from daemon.runtime.workers import Workers
 from daemon.sessions.session_writer import SensorBeside, SessionWriter
 from daemon.store.store import Store
 
 MakeSequence = Callable[[SessionWriter, RunLog], PoseSequence]
-OpenSession = Callable[[RunLog], SessionWriter]
 OpenBeside = Callable[[RunLog], Sequence[SensorBeside]]
 Drive = Callable[[PoseSequence, RunLog], Awaitable[RunResult]]
 
 
-def plan_sequence(stations: int, sequence: MakeSequence, session: OpenSession, drive: Drive) -> RunPlan:
-    """A run of so many stations, which opens its session when it begins."""
-    return RunPlan(stations, lambda log: drive(sequence(session(log), log), log))
-
-
 @dataclass(frozen=True)
 class RunSessions:
-    """Prepares the session folders of runs with one camera. `known`: beforehand."""
+    """Opens the session folders of runs with one camera. `known`: beforehand."""
 
     store: Store
     workers: Workers
@@ -38,40 +30,21 @@ class RunSessions:
     arm: ArmInCell
     known: KnowledgeDocument = field(default_factory=KnowledgeDocument)
 
-    def prepare(
+    def open(
         self,
         kind: str,
+        log: RunLog,
         target: TargetDocument,
         camera: CameraDocument | None,
-        beside: OpenBeside = lambda log: (),
-        axis_offset: AxisOffset | None = None,
-        robot_noise: NoiseBelief = USUAL_BELIEF,
-    ) -> OpenSession:
-        """A function that opens the session folder of a run; `beside`: opens those of the sensors beside the camera."""
-
-        def open_session(log: RunLog) -> SessionWriter:
-            folder, source = self.store.run_folder(log.id), f"{kind} run {log.id}"
-            return self._writer(folder, source, target, camera, beside(log), axis_offset, robot_noise)
-
-        return open_session
-
-    def open_beside(
-        self, name: str, target: TargetDocument, camera: CameraDocument | None, log: RunLog
-    ) -> SessionWriter:
-        """The session of this camera in a calibration run of another one, in the folder of its name."""
-        folder, source = self.store.folder_beside(log.id, name), f"calibration run {log.id}, {name}"
-        return self._writer(folder, source, target, camera)
-
-    def _writer(
-        self,
-        folder: Path,
-        source: str,
-        target: TargetDocument,
-        camera: CameraDocument | None,
+        *,
+        sensor: str | None = None,
         beside: Sequence[SensorBeside] = (),
         axis_offset: AxisOffset | None = None,
         robot_noise: NoiseBelief = USUAL_BELIEF,
     ) -> SessionWriter:
+        """The session of a run, with the sensors `beside` the camera; that of a further `sensor` has its name."""
+        folder = self.store.run_folder(log.id) if sensor is None else self.store.folder_beside(log.id, sensor)
+        source = f"{kind} run {log.id}" if sensor is None else f"{kind} run {log.id}, {sensor}"
         head = SessionDocument(
             schema_version=1, source=source, poses_from_controller=True, setup=self.setup, target=target,
             camera=None if camera is None else CameraDocument.of(camera.camera()), axis_offset=axis_offset,
