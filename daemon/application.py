@@ -2,11 +2,11 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine, Iterable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from calibration.sentences.sentence import Sentence
 from daemon.access.service_key import ServiceKey
@@ -16,15 +16,16 @@ from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings, SettingsFile
 from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.errors import NotInstalled, StorageError
+from daemon.http.listen_socket import late_addresses
 from daemon.operations import Operations
 from daemon.runs.supervisor import MAX_STEP_S, Supervisor
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import RecentLog
 from daemon.runtime.loop_monitor import EventLoopMonitor
-from daemon.runtime.metrics import Metric, Metrics
+from daemon.runtime.metrics import Metrics
 from daemon.runtime.systemd import Systemd
-from daemon.runtime.tasks import end_task
+from daemon.runtime.tasks import SectionService, Service, end_task
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
 from daemon.store.key_service import KeyService
@@ -48,45 +49,14 @@ MAX_STUCK_S = MAX_STEP_S + 60.0
 """A run without a step for longer hangs: the supervisor should have ended it after MAX_STEP_S."""
 
 
-class BackgroundService(Protocol):
-    """A background service, started and stopped with the daemon."""
-
-    async def start(self) -> None: ...
-
-    async def stop(self) -> None: ...
-
-
-Service = TypeVar("Service")
-
-
-class WarningSource(Protocol):
-    """A background service with warnings for GET /ready."""
-
-    def warnings(self) -> list[str]:
-        """Conditions that need attention although work goes on."""
-        ...
-
-
-class MetricSource(Protocol):
-    """A background service with metrics."""
-
-    def families(self) -> Iterable[Metric]:
-        """The families of GET /metrics."""
-        ...
-
-
-class SectionService(BackgroundService, MetricSource, Protocol):
-    """A background service with metrics, of a section of the settings that may be reloaded."""
-
-    async def change(self, settings: Any, /) -> None:
-        """Serve by this section from now on. Raises DaemonError; then what was before goes on."""
-        ...
+Kind = TypeVar("Kind")
 
 
 @dataclass(eq=False)
 class Application:
     """All parts of the daemon, built by `composition`.
 
+    `services`: started in their order and stopped in reverse; their warnings have it, too, the gravest first.
     `workers` compute for runs and nothing else; `merge_workers` merge and register scans, one at a time;
     `service_workers` do what is left: uploads, encoding, lists, the drift chart. `setup_file`: what the first set-up
     writes, before the daemon ends and begins anew; None for a cell that is set up.
@@ -116,10 +86,8 @@ class Application:
     service_key: ServiceKey | None
     loop_monitor: EventLoopMonitor
     recent_log: RecentLog
-    services: tuple[BackgroundService, ...] = ()
-    warning_sources: tuple[WarningSource, ...] = ()
+    services: tuple[Service, ...] = ()
     reload: Callable[[], Coroutine[Any, Any, None]] | None = None
-    metric_sources: tuple[MetricSource, ...] = ()
     sections: Mapping[str, SectionService] = field(default_factory=dict)
     setup_file: Path | None = None
     begins_anew: bool = False
@@ -132,7 +100,7 @@ class Application:
         """The camera of that name, without one that of [camera]. Raises NotFound."""
         return self.cameras.by_name(name)
 
-    def service(self, kind: type[Service]) -> Service:
+    def service(self, kind: type[Kind]) -> Kind:
         """The background service of that class; there is one."""
         return next(service for service in self.services if isinstance(service, kind))
 
@@ -141,6 +109,11 @@ class Application:
         if name not in self.sections:
             raise NotInstalled(f"this daemon has no extension for [{name}]", f"take [{name}] out of the settings")
         return self.sections[name]
+
+    def warnings(self) -> list[str]:
+        """Conditions that need attention although work goes on, for GET /ready."""
+        found = (warning for service in self.services for warning in service.warnings())
+        return [*found, *late_addresses(self.settings.listens_at)]
 
     async def start(self) -> None:
         """End runs that the previous process left unfinished, start services and watchdog. Commands no motion."""
@@ -155,8 +128,9 @@ class Application:
             log.error("what the previous process left unfinished was not looked at: %s", error)
         await self._log_setup_code()
         await self.cell.wait_for_links(MAX_LINK_WAIT_S)
-        for companion in self.services:
-            await companion.start()
+        logging.getLogger().addHandler(self.recent_log)
+        for service in self.services:
+            await service.start()
         self._watchdog = asyncio.create_task(self.systemd.feed_watchdog(self.work_is_alive))
 
     def begin_stop(self, by: str) -> None:
@@ -178,8 +152,9 @@ class Application:
         self.begin_stop(Sentence("by-daemon-end"))
         assert self._stopping is not None
         await self._stopping
-        for companion in reversed(self.services):
-            await companion.stop()
+        for service in reversed(self.services):
+            await service.stop()
+        logging.getLogger().removeHandler(self.recent_log)
         await end_task(self._watchdog)
         self.scans.registration_jobs.stop()
         for workers in (self.workers, self.service_workers, self.merge_workers):

@@ -14,7 +14,7 @@ import uvloop
 
 from daemon.access.service_key import ServiceKey
 from daemon.api.extension import Extensions
-from daemon.application import Application, WarningSource
+from daemon.application import Application
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.cell.cell import Cell, Devices
 from daemon.cell.device_watch import DeviceWatch
@@ -26,7 +26,6 @@ from daemon.config.settings import MAIN_CAMERA, OF_SERVICES, Settings, SettingsF
 from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
-from daemon.http.listen_socket import LateAddresses
 from daemon.operations import Operations, no_further_sensors
 from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock, time_ordered_id
@@ -126,22 +125,15 @@ def build(
     by_name.update({camera.name: camera.operations for camera in cameras.cameras})
     operations, drifts = cameras.main.operations, [camera.drift for camera in cameras.cameras]
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
-    retention = Retention(store, service_workers, clock, settings.storage)
-    monitor, loop_monitor, recent_log = StoreMonitor(store, events), EventLoopMonitor(), RecentLog()
-    device_watch = DeviceWatch(cell, clock, events.publish)
-    key_expiry, ends = KeyExpiry(store.access_keys, clock), ServiceEnds(read_ends(systemd.runtime_folder))
+    loop_monitor, device_watch = EventLoopMonitor(), DeviceWatch(cell, clock, events.publish)
     key_watch = KeyWatch(store.access_keys, store.browser_sessions, clock)
     every_s = 3600 * settings.drift.every_h
     schedules = [DriftSchedule(camera.operations, clock, every_s) for camera in cameras.cameras]
-    late = LateAddresses(lambda: application.settings.listens_at)
-    warning_sources: tuple[WarningSource, ...] = (
-        cell.safe_stop, monitor, webhooks, retention, update_hold, late, key_expiry, ends, *drifts, *schedules
-    )  # fmt: skip
 
     def doing() -> Doing:
         run = supervisor.in_progress
-        warnings = [warning for source in application.warning_sources for warning in source.warnings()]
-        return Doing("" if run is None else f"run {run.id} ({run.kind})", update_hold.reason, warnings)
+        words = "" if run is None else f"run {run.id} ({run.kind})"
+        return Doing(words, update_hold.reason, application.warnings())
 
     application = Application(
         settings=settings,
@@ -167,25 +159,23 @@ def build(
         systemd=systemd,
         service_key=None if systemd.runtime_folder is None else ServiceKey.make(systemd.runtime_folder),
         loop_monitor=loop_monitor,
-        recent_log=recent_log,
+        recent_log=RecentLog(),
         services=(
-            recent_log,
-            loop_monitor,
+            cell.safe_stop,
             update_hold,
+            StoreMonitor(store, events),
+            webhooks,
+            Retention(store, service_workers, clock, settings.storage),
+            KeyExpiry(store.access_keys, clock),
+            key_watch,
+            ServiceEnds(read_ends(systemd.runtime_folder)),
+            device_watch,
+            loop_monitor,
             StatusLine(systemd, doing, clock),
             MemoryTrim(),
-            cell.safe_stop,
-            device_watch,
-            key_watch,
-            key_expiry,
-            monitor,
-            webhooks,
-            retention,
             *drifts,
             *schedules,
         ),
-        warning_sources=warning_sources,
-        metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, key_expiry, ends, *drifts),
     )
     switched = {name: make(application) for extension in extensions for name, make in extension.sections.items()}
     application.sections = {"webhooks": webhooks, **switched}
@@ -194,11 +184,9 @@ def build(
             application.section(name)
     added = (make(application) for extension in extensions for make in extension.services)
     application.services += (*switched.values(), *added)
-    application.metric_sources += (*switched.values(),)
     if settings_file is not None:
         reload = SettingsReload(settings_file, application)
-        application.reload = reload.reload
-        application.warning_sources = (*warning_sources, reload)
+        application.reload, application.services = reload.reload, (*application.services, reload)
     return application
 
 

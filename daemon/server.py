@@ -38,6 +38,7 @@ from daemon.http.connections import limited_connection
 from daemon.http.listen_socket import open_listener
 from daemon.http.listener import HttpListener, PendingConnection
 from daemon.runtime.durable_files import write_durably
+from daemon.runtime.tasks import Service
 
 log = logging.getLogger(__name__)
 
@@ -95,7 +96,7 @@ def taken_over(before: Settings, after: Settings, names: list[str]) -> Settings:
 
 
 @dataclass(eq=False)
-class SettingsReload:
+class SettingsReload(Service):
     """Reloads the file of `loaded` into the application. `waits_for_restart`: what was changed and is not active."""
 
     loaded: SettingsFile

@@ -7,9 +7,10 @@ from fastapi import APIRouter
 from pydantic import BaseModel
 
 from daemon.api.schemas.drift import DriftTouchDocument
-from daemon.application import Application, BackgroundService, SectionService
+from daemon.application import Application
 from daemon.operations import FurtherSensors, Operations
 from daemon.runs.calibration_run import LoadIdentification
+from daemon.runtime.tasks import SectionService, Service
 
 Rebuilt = tuple[int, dict[str, str], bytes]
 Rebuild = Callable[[Application, str], Awaitable[Rebuilt]]
@@ -22,8 +23,8 @@ def rebuilt_of(status: int, document: BaseModel, location: str) -> Rebuilt:
     return status, headers, document.model_dump_json().encode()
 
 
-MakeService = Callable[[Application], BackgroundService]
-"""Makes a background service, which starts after those of the core and stops before them."""
+MakeService = Callable[[Application], Service]
+"""Makes a service, which starts after those of the core and stops before them."""
 
 Checks = Callable[[Application, str, int], Awaitable[Sequence[DriftTouchDocument]]]
 """The latest checks of a calibration by its id, at most so many, the oldest first."""

@@ -30,11 +30,10 @@ async def readiness(app: Application, camera: CellCamera, scanner: str | None = 
             await app.store.current(camera.name)
     except (NoCalibration, NotFound) as error:
         register.append(error.what)
-    of_sources = (warning for source in app.warning_sources for warning in source.warnings())
     free_mb, of_disk = app.store.free_bytes() / 1e6, list[str]()
     if app.store.fault is None and free_mb < app.settings.storage.reserve_mb:
         of_disk = [Sentence("disk-nearly-full", free_mb=free_mb, folder=str(app.store.folder))]
-    warnings = list(dict.fromkeys([*of_disk, *of_sources]))
+    warnings = list(dict.fromkeys([*of_disk, *app.warnings()]))
     return ReadyDocument(
         ready=not calibrate or not register,
         calibrate=Readiness(ready=not calibrate, reasons=calibrate, reason_details=SentenceDocument.each_of(calibrate)),

@@ -10,7 +10,7 @@ from calibration.sentences.sentence import Sentence
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish
 from daemon.runtime.metrics import Metric
-from daemon.runtime.tasks import end_task
+from daemon.runtime.tasks import Service, end_task
 from drivers.errors import DeviceError
 from drivers.interfaces import Robot, Standstill
 
@@ -45,7 +45,7 @@ class StopReport:
         return Sentence(f"stop-unconfirmed-{missing}", why=self.why)
 
 
-class SafeStop:
+class SafeStop(Service):
     """Stops and disarms `robot`. A stop that was begun is repeated until it is confirmed, whoever waits for it.
 
     `is_leased`: whether a run may have the arm armed now. Each change of what is confirmed is published as event `arm`.

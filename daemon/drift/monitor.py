@@ -21,7 +21,7 @@ from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.metrics import Metric
 from daemon.runtime.shared_reading import SharedReading
-from daemon.runtime.tasks import end_task
+from daemon.runtime.tasks import Service, end_task
 from daemon.runtime.workers import Workers
 from daemon.store.store import Store
 
@@ -32,7 +32,7 @@ MAX_HISTORY = 10_000
 
 
 @dataclass(eq=False)
-class DriftMonitor:
+class DriftMonitor(Service):
     """Background service: recomputes the chart of one camera from the store after each verification."""
 
     settings: Settings

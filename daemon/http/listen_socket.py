@@ -2,8 +2,7 @@
 
 import errno
 import socket
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 from calibration.sentences.sentence import Sentence
 from daemon.errors import PortTaken
@@ -21,7 +20,7 @@ NO_PERMISSION_FIX = "ports below 1024 need a right that the service does not hav
 def open_listener(host: str, port: int, table: str = "server") -> socket.socket:
     """A listening TCP socket; port 0 lets the system choose. `table`: settings section to name. Raises PortTaken.
 
-    An address that this machine does not have yet is waited for: see LateAddresses.
+    An address that this machine does not have yet is waited for: see `late_addresses`.
     """
     listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
     try:
@@ -47,13 +46,6 @@ def open_listener(host: str, port: int, table: str = "server") -> socket.socket:
     return listener
 
 
-@dataclass(frozen=True)
-class LateAddresses:
-    """Warns of addresses to listen at that this machine does not have: hosts by their sections of the settings."""
-
-    hosts: Callable[[], Mapping[str, str]]
-
-    def warnings(self) -> list[str]:
-        """One for each address that is not here now."""
-        hosts = self.hosts().items()
-        return [Sentence("address-not-here", table=table, host=host) for table, host in hosts if not is_here(host)]
+def late_addresses(hosts: Mapping[str, str]) -> list[str]:
+    """A warning of each address to listen at, by its section of the settings, that this machine does not have now."""
+    return [Sentence("address-not-here", table=table, host=host) for table, host in hosts.items() if not is_here(host)]

@@ -149,13 +149,6 @@ class RecentLog(logging.Handler):
         self.setFormatter(OneLineFormatter())
         self._lines: deque[str] = deque(maxlen=MAX_LINES)
 
-    async def start(self) -> None:
-        """Keep what is logged from now on."""
-        logging.getLogger().addHandler(self)
-
-    async def stop(self) -> None:
-        logging.getLogger().removeHandler(self)
-
     def emit(self, record: logging.LogRecord) -> None:
         at = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds")
         self._lines.append(f"{at} {self.format(record)}"[:MAX_LINE_LENGTH])

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from daemon.runtime.metrics import Labels, Metric
+from daemon.runtime.tasks import Service
 
 PERIOD_S = 0.02
 """A timer that is due this often; what it is late by, the loop was kept. 50 wake-ups a second take 0.2 % of a core."""
@@ -26,7 +27,7 @@ class Stall:
         return Stall(max(self.wall_s, other.wall_s), max(self.processor_s, other.processor_s))
 
 
-class EventLoopMonitor:
+class EventLoopMonitor(Service):
     """Measures the longest turn of the event loop it was started in."""
 
     def __init__(

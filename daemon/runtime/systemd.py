@@ -23,7 +23,7 @@ from daemon.runtime.bounded_read import read_bounded
 from daemon.runtime.clock import Clock
 from daemon.runtime.logs import print_error_line
 from daemon.runtime.metrics import Labels, Metric
-from daemon.runtime.tasks import InBackground
+from daemon.runtime.tasks import InBackground, Service
 
 HOLD_FILE = Path("/run/handeyed.hold")
 """Only root can write there: deploy/handeyed-release does."""
@@ -257,7 +257,7 @@ def _parse(line: str) -> ServiceEnd | None:
 
 
 @dataclass(frozen=True)
-class ServiceEnds:
+class ServiceEnds(Service):
     """What /ready and /metrics say of the ends. `now_s`: seconds since 1970."""
 
     ends: tuple[ServiceEnd, ...]

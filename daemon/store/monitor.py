@@ -17,7 +17,7 @@ from daemon.errors import StorageError, StorageInconsistent
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.metrics import Labels, Metric
-from daemon.runtime.tasks import InBackground, end_task
+from daemon.runtime.tasks import InBackground, Service, end_task
 from daemon.store.access_keys import AccessKeys
 from daemon.store.consistency import StoreFault
 from daemon.store.store import Store
@@ -35,7 +35,7 @@ WHOLE_CHECK_S = 24 * 3600.0
 
 
 @dataclass(eq=False)
-class StoreMonitor:
+class StoreMonitor(Service):
     """Background service. A fault is reported once: in the log and as event `store`; then by /ready and metrics."""
 
     store: Store

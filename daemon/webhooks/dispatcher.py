@@ -21,6 +21,7 @@ from daemon.config.server_settings import WebhookSettings
 from daemon.errors import DaemonError, StorageError
 from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Labels, Metric
+from daemon.runtime.tasks import SectionService
 from daemon.store.outbox import Outbox, OutboxMessage
 from registration.io.regular_file import read_regular
 
@@ -99,7 +100,7 @@ def pause_s(failures: int, chance: float) -> float:
 
 
 @dataclass(eq=False)
-class WebhookDispatcher:
+class WebhookDispatcher(SectionService):
     """Background service: one task for each webhook."""
 
     webhooks: tuple[WebhookSettings, ...]

@@ -9,12 +9,13 @@ from daemon.application import Application
 from daemon.config.plc_settings import PlcSettings
 from daemon.errors import CellNotReady, PortTaken
 from daemon.runtime.metrics import Metric
+from daemon.runtime.tasks import SectionService
 
 if TYPE_CHECKING:
     from extensions.plc.service import PlcService
 
 
-class PlcSwitch:
+class PlcSwitch(SectionService):
     """Service of [plc], which can be switched on, off and over while the daemon runs.
 
     `service`: the interface that is on; None when the settings name no PLC.

@@ -17,6 +17,7 @@ from daemon.errors import CellNotReady, NoScanner, NotFound
 from daemon.model.records import FlangePose
 from daemon.runtime.clock import Clock
 from daemon.runtime.durable_files import make_folder
+from daemon.runtime.tasks import Service
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import TRANSIT_FOLDER, ScanService
 from daemon.store.database import storage_errors
@@ -47,8 +48,8 @@ class PathBesideAxis:
 
 
 @dataclass(eq=False)
-class SweepService:
-    """A BackgroundService: stopping it ends the sweep."""
+class SweepService(Service):
+    """Stopping it ends the sweep."""
 
     cell: Cell
     store: Store
@@ -59,9 +60,6 @@ class SweepService:
     _sweeps: dict[str, Sweep] = field(default_factory=dict)
     _recorder: SweepRecorder | None = None
     _task: "asyncio.Task[None] | None" = None
-
-    async def start(self) -> None:
-        """Nothing runs before the first sweep."""
 
     async def stop(self) -> None:
         """Break off the sweep that runs."""

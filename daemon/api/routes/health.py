@@ -74,7 +74,7 @@ async def metrics(app: App) -> Response:
         Metric("handeyed_disk_free_bytes", "gauge", "Free where the store lies.",
                {(): float(app.store.free_bytes())}),
         *app.metrics.families(),
-        *merged(family for source in app.metric_sources for family in source.families()),
+        *merged(family for service in app.services for family in service.families()),
     ]  # fmt: skip
     text = exposition([*families, *await _accuracies(app)])
     return Response(text, media_type="text/plain; version=0.0.4; charset=utf-8")
