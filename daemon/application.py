@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from calibration.sentences.sentence import Sentence
-from daemon.access.service_key import ServiceKey
+from daemon.access.keys import ServiceKey
 from daemon.cell.cell import Cell
 from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.readings import CellReadings

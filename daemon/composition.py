@@ -12,7 +12,7 @@ from pathlib import Path
 
 import uvloop
 
-from daemon.access.service_key import ServiceKey
+from daemon.access.keys import ServiceKey
 from daemon.api.extension import Extensions
 from daemon.application import Application
 from daemon.cell.arm_in_cell import ArmInCell
@@ -21,7 +21,6 @@ from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.devices import open_devices, open_exposure_control
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.readings import CellReadings
-from daemon.cell.recent_reading import RecentReading
 from daemon.config.settings import MAIN_CAMERA, OF_SERVICES, Settings, SettingsFile
 from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.drift.monitor import DriftMonitor
@@ -35,6 +34,7 @@ from daemon.runtime.logs import RecentLog, log_to_stdout
 from daemon.runtime.loop_monitor import EventLoopMonitor
 from daemon.runtime.memory_trim import MemoryTrim
 from daemon.runtime.metrics import Metrics
+from daemon.runtime.shared_reading import RecentReading
 from daemon.runtime.systemd import Doing, ServiceEnds, StatusLine, Systemd, UpdateHold, read_ends
 from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs

@@ -15,8 +15,7 @@ from daemon.config.settings import load_settings, parse_settings
 from daemon.runtime.bounded_read import read_document
 from daemon.sessions.session_files import ImageError, read_grey
 from daemon.sessions.session_reader import open_session
-from daemon.tools.batch_registration.errors import ArchiveError
-from daemon.tools.batch_registration.remote_folder import RemoteFolder
+from daemon.tools.batch_registration.remote_folder import ArchiveError, RemoteFolder
 from daemon.tools.batch_registration.tasks import file_hash
 from daemon.tools.support_bundle.bundle import gather
 from daemon.webhooks.dispatcher import SecretUnusable, read_secrets

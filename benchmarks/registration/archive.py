@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.registration.rows import Cost, cost
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
-from daemon.tools.batch_registration.executors import open_executor, run_here
+from daemon.tools.batch_registration.archive_run import open_executor, run_here
 from daemon.tools.batch_registration.tasks import RegistrationTask
 from registration.io.formats import ply
 from registration.points.layout import XYZ_FLOAT32

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.registration.archive import an_archive
-from daemon.tools.batch_registration.executors import open_executor, run_here
-from daemon.tools.batch_registration.finished import FINISHED_NAME, FinishedScans
+from daemon.tools.batch_registration.archive_run import FINISHED_NAME, FinishedScans, open_executor, run_here
 from daemon.tools.batch_registration.remote_folder import RemoteFolder
 from daemon.tools.batch_registration.tasks import MANIFEST_NAME, OutcomeDocument, RegistrationTask
 from tests.daemon.calibrations import a_calibration

@@ -23,8 +23,7 @@ from typing import Any
 
 from benchmarks.registration.archive import an_archive
 from benchmarks.registration.rows import cost
-from daemon.tools.batch_registration.executors import run_here
-from daemon.tools.batch_registration.finished import FINISHED_NAME, FinishedScans
+from daemon.tools.batch_registration.archive_run import FINISHED_NAME, FinishedScans, run_here
 from daemon.tools.batch_registration.remote_folder import RemoteFolder
 from daemon.tools.batch_registration.tasks import OutcomeDocument, RegistrationTask
 from tests.daemon.calibrations import a_calibration

@@ -18,8 +18,7 @@ from daemon.cell.arm_in_cell import ArmInCell
 from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.held_button import HeldButton
 from daemon.cell.safe_stop import SafeStop
-from daemon.cell.settling import check_external_axes, check_still, read_if_standing, settle
-from daemon.cell.vibration import VibrationGate
+from daemon.cell.settling import VibrationGate, check_external_axes, check_still, read_if_standing, settle
 from daemon.config.robot_settings import SettlingSettings
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER
 from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner, StaleCaptureError

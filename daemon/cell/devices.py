@@ -3,7 +3,7 @@
 from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.cell import Devices
 from daemon.cell.exposure_control import ExposureControl, ExposureLimits
-from daemon.cell.vibration import VibrationGate
+from daemon.cell.settling import VibrationGate
 from daemon.config.settings import CameraSettings, ScannerSettings, Settings
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers

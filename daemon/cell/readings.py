@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
-from daemon.cell.recent_reading import RecentReading
 from daemon.runtime.clock import Clock
-from daemon.runtime.shared_reading import SharedReading
+from daemon.runtime.shared_reading import RecentReading, SharedReading
 from drivers.errors import RequestRefused
 from drivers.interfaces import PoseReading, Robot, RobotSetup, RobotStatus
 from drivers.robots.base_frame import configured

@@ -1,5 +1,9 @@
-"""Checks that the arm is at rest (two readings agree), is where it was sent, and did not move during a capture."""
+"""Checks that the arm is at rest (two readings agree), is where it was sent, and did not move during a capture.
 
+In cells that have EGM, also that the flange no longer vibrates.
+"""
+
+import asyncio
 from dataclasses import dataclass
 from math import degrees, radians
 
@@ -14,10 +18,10 @@ from calibration.transforms import (
     rotation_angle_rad,
     rotation_from_quaternion,
 )
-from daemon.config.robot_settings import SettlingSettings
+from daemon.config.robot_settings import EgmSettings, SettlingSettings
 from daemon.errors import CellNotReady, NotStill, PoseMismatch
 from daemon.runtime.clock import Clock
-from drivers.interfaces import PoseReading, Robot
+from drivers.interfaces import PoseReading, Robot, Vibration, VibrationMonitor
 
 ARRIVAL_TOLERANCE_MM, ARRIVAL_TOLERANCE_RAD = 2.0, radians(0.2)
 """Largest deviation of the reported pose from the commanded one; normally hundredths of a millimetre."""
@@ -131,3 +135,44 @@ def _explanation(sent: Array, read: Array, pose_convention: str) -> Sentence:
     if rotation_angle_rad(scalar_last.T @ read[:3, :3]) <= ARRIVAL_TOLERANCE_RAD:
         return Sentence("program-scalar-last")
     return Sentence("program-pose-convention", convention=pose_convention)
+
+
+POLL_S = 0.02
+
+
+@dataclass(frozen=True)
+class VibrationGate:
+    """A vibration monitor with the allowed limits."""
+
+    monitor: VibrationMonitor
+    limits: EgmSettings
+
+    async def wait(self, limit_s: float, clock: Clock) -> Vibration:
+        """Wait until the vibration is within the limits; returns it. Raises NotStill, DeviceTimeout."""
+        ends_s = clock.monotonic_s() + limit_s
+        while not self._within(vibration := self.monitor.vibration(self.limits.window_s)):
+            if clock.monotonic_s() > ends_s:
+                raise _not_at_rest(vibration)
+            await clock.sleep(POLL_S)
+        return vibration
+
+    def check(self) -> Vibration:
+        """The present vibration, if within the limits. Raises NotStill, DeviceTimeout."""
+        vibration = self.monitor.vibration(self.limits.window_s)
+        if not self._within(vibration):
+            raise _not_at_rest(vibration)
+        return vibration
+
+    async def close(self) -> None:
+        await asyncio.to_thread(self.monitor.close)
+
+    def _within(self, vibration: Vibration) -> bool:
+        return (
+            vibration.translation_mm <= self.limits.translation_mm
+            and degrees(vibration.rotation_rad) <= self.limits.rotation_deg
+        )
+
+
+def _not_at_rest(vibration: Vibration) -> NotStill:
+    what = Sentence("flange-vibrates", mm=vibration.translation_mm, deg=degrees(vibration.rotation_rad))
+    return NotStill(what, Sentence("look-what-shakes"))

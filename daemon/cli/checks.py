@@ -28,7 +28,7 @@ from daemon.cell.cell import motion_obstacles
 from daemon.cell.devices import open_devices
 from daemon.cell.frame_check import frame_difference
 from daemon.cell.readings import read_setup
-from daemon.cell.vibration import VibrationGate
+from daemon.cell.settling import VibrationGate
 from daemon.cli.rest_client import client_of, connect, running_service
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, RobotSettings, Settings, SettingsFile

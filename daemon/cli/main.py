@@ -7,7 +7,6 @@ from typing import Annotated, Any
 import typer
 
 from daemon.cli.arms import arms
-from daemon.cli.assess import assess
 from daemon.cli.audit import app as audit
 from daemon.cli.backup import backup, restore
 from daemon.cli.calibrate import calibrate
@@ -22,7 +21,7 @@ from daemon.cli.init import init
 from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
 from daemon.cli.output import CommandExtension, CommandGroup, Commands
-from daemon.cli.plan import plan
+from daemon.cli.plan import assess, plan
 from daemon.cli.register import register
 from daemon.cli.register_archive import register_archive
 from daemon.cli.report import report

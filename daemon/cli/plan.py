@@ -1,10 +1,11 @@
-"""`handeyed plan FILE`: the robot poses that determine the calibration best."""
+"""`handeyed plan FILE`: the robot poses that determine X best; `handeyed assess FILE`: how well given ones do."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from daemon.cli.errors import ExitStatus
 from daemon.cli.output import Json
 
 if TYPE_CHECKING:
@@ -65,3 +66,25 @@ def _text(answer: "PlannedDocument") -> str:
         quaternion = ", ".join(f"{value:9.6f}" for value in pose.base_T_flange.quaternion_wxyz)
         lines.append(f"{number:>3} {x} {y} {z}   {quaternion}   {pose.target_in_view:8.0%}")
     return "\n".join([*lines, prediction_text(answer.predicted)])
+
+
+def assess(
+    file: Annotated[Path, typer.Argument(help='plan.json with "views": \\[pose, ...], the poses to assess.')],
+    json: Json = False,
+) -> None:
+    """Predict how well given robot poses will determine the calibration, before anything moves.
+
+    Exit status 3 when they do not determine it at all.
+    """
+    import numpy as np
+
+    from calibration.documents.plan import AssessedDocument
+    from calibration.errors import DocumentError
+
+    question = read_plan(file)
+    if not question.views:
+        raise DocumentError.one(str(file), "views", "missing", "add the poses to assess")
+    predicted = question.assess(np.stack([view.transform() for view in question.views]))
+    typer.echo(AssessedDocument(predicted=predicted).model_dump_json() if json else prediction_text(predicted))
+    if predicted.point_mm is None:
+        raise typer.Exit(ExitStatus.NOT_ACCEPTED)

@@ -9,7 +9,7 @@ from daemon.cli.errors import ExitStatus, UnreadableInput
 from daemon.cli.output import ArmErrors, Json, Refine, print_error, progress_bar
 
 if TYPE_CHECKING:
-    from daemon.tools.batch_registration.finished import FinishedScans
+    from daemon.tools.batch_registration.archive_run import FinishedScans
     from daemon.tools.batch_registration.tasks import OutcomeDocument, RegistrationTask
 
 
@@ -31,7 +31,7 @@ def register_archive(
 
     Exit status: 0 all done, 3 done but some not accepted, 2 some could not be read (they are named).
     """
-    from daemon.tools.batch_registration.executors import open_executor
+    from daemon.tools.batch_registration.archive_run import open_executor
 
     tasks, finished = _tasks(folder, calibration, out, arm, {"refine": refine, "voxel_mm": voxel_mm, "force": force})
     outcomes = []
@@ -52,7 +52,7 @@ def _tasks(
     from daemon.cli.arm_file import read_in_use
     from daemon.cli.compare import read_calibration
     from daemon.runtime.bounded_read import read_document
-    from daemon.tools.batch_registration.finished import FinishedScans
+    from daemon.tools.batch_registration.archive_run import FinishedScans
     from daemon.tools.batch_registration.remote_folder import RemoteFolder
     from daemon.tools.batch_registration.tasks import SCAN, RegistrationTask
     from registration.scan import scanner_mount_of

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 from calibration.sentences.sentence import Sentence
-from daemon.cell.recent_reading import RecentReading
 from daemon.config.settings import Settings
 from daemon.drift.monitor import DriftMonitor
 from daemon.errors import NotFound
 from daemon.operations import Operations
+from daemon.runtime.shared_reading import RecentReading
 from daemon.sessions.look import Look
 from daemon.sessions.pictures import LivePictures
 

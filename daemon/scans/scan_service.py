@@ -24,8 +24,7 @@ from daemon.model.requests import ArtefactRequest
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish
 from daemon.runtime.workers import Workers
-from daemon.scans.progress import ProgressReports, StepEnd
-from daemon.scans.registration_jobs import RegistrationJobs, RegistrationRequest
+from daemon.scans.registration_jobs import ProgressReports, RegistrationJobs, RegistrationRequest, StepEnd
 from daemon.scans.scanner_acceptance import AcceptanceDocument, assess_clouds
 from daemon.scans.upload import NPZ, PLY, SUFFIXES, receive_upload
 from daemon.store.database import storage_errors

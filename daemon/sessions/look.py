@@ -13,8 +13,8 @@ from calibration.problem import Detection
 from calibration.sentences.sentence import with_fix
 from calibration.targets import Target
 from calibration.transforms import Array
-from daemon.cell.recent_reading import RecentReading
 from daemon.runtime.clock import Clock
+from daemon.runtime.shared_reading import RecentReading
 from daemon.runtime.workers import Workers
 from drivers.interfaces import CameraFrame, CaptureSettings
 

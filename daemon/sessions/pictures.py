@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from daemon.cell.recent_reading import RecentReading
 from daemon.errors import NotFound, PictureUnusable
+from daemon.runtime.shared_reading import RecentReading
 from daemon.runtime.workers import Workers
 from daemon.sessions.session_files import ImageError, read_grey
 from drivers.interfaces import CameraFrame, CaptureSettings

@@ -21,9 +21,8 @@ from daemon.runtime.durable_files import create_file, make_folder
 from daemon.store.backup import FOLDERS, FORMAT, MANIFEST, BackupManifestDocument
 from daemon.store.consistency import NO_LIMIT_S, count_missing_files, find_fault
 from daemon.store.database import DATABASE_NAME, SCHEMA_VERSION, storage_errors
-from daemon.store.lock import LOCK_NAME, FolderLock
-from daemon.store.opening import CHECKED, finish_restore
-from daemon.store.run_ages import AGES_NAME
+from daemon.store.opening import CHECKED, LOCK_NAME, FolderLock, finish_restore
+from daemon.store.retention import AGES_NAME
 from registration.io.durable_file import fsync_path
 
 UNPACKED = ".restoring"

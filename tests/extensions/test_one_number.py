@@ -10,8 +10,7 @@ import pytest
 
 from calibration.documents.calibration_text import accuracy_text
 from calibration.documents.numbers import significant
-from daemon.cli.demo_run.report import report
-from daemon.cli.demo_run.scenario import DemoResult
+from daemon.cli.demo_run.scenario import DemoResult, report
 from protocols.plc.codes import ContentsBit, ControlBit, StatusBit
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.extensions.plc.plcs import MOVING, ladder, value_of

@@ -14,11 +14,11 @@ from daemon.api.live.live_feed import json_of, require_room
 from daemon.api.problems import problem_of
 from daemon.api.schemas.cell import LookDocument
 from daemon.application import Application
-from daemon.cell.recent_reading import RecentReading
 from daemon.drift.cell_cameras import CellCamera
 from daemon.http.problem_details import MEDIA_TYPE
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
+from daemon.runtime.shared_reading import RecentReading
 from daemon.sessions.look import Look, look_at
 from daemon.sessions.pictures import encode_picture
 from drivers.errors import DeviceError

@@ -257,7 +257,7 @@ def _points_of(file: Path) -> NDArray[np.float32]:
 
 
 def _deviation_map(surfaces: list[bytes]) -> DeviationMap | None:
-    from daemon.reports.deviation_map import deviation_map
+    from daemon.reports.pictures import deviation_map
 
     return deviation_map(surfaces, SURFACE)
 

@@ -11,9 +11,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from daemon.tools.batch_registration.errors import ArchiveError
+from daemon.errors import DaemonError
 from registration.io.durable_file import new_file
 from registration.io.regular_file import read_regular
+
+
+class ArchiveError(DaemonError, code="archive-error"):
+    """The archive cannot be read or written, or there is no executor."""
+
 
 INSTALL = "install handeyed[archive]"
 

@@ -11,8 +11,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.validation import Document, parse_document
 from calibration.errors import CalibrationError
-from daemon.tools.batch_registration.errors import ArchiveError
-from daemon.tools.batch_registration.remote_folder import RemoteFolder
+from daemon.tools.batch_registration.remote_folder import ArchiveError, RemoteFolder
 from registration.errors import RegistrationError
 from registration.fusion.merging import Merge
 from registration.io.regular_file import open_regular

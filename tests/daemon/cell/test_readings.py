@@ -10,8 +10,8 @@ import pytest
 from daemon.api.schemas.cell import RobotDocument
 from daemon.cell.cell import CameraTurns
 from daemon.cell.readings import RobotReading
-from daemon.cell.recent_reading import MAX_AGE_S, MAX_RESUMED_A_TURN, RecentReading
 from daemon.runtime.clock import Clock
+from daemon.runtime.shared_reading import MAX_AGE_S, MAX_RESUMED_A_TURN, RecentReading
 from drivers.errors import DeviceTimeout
 from drivers.interfaces import CameraFrame, LinkHealth
 from tests.daemon.cell_under_test import Bench

@@ -6,7 +6,7 @@ from math import radians
 import pytest
 
 from daemon.cell.cell import Cell, Devices
-from daemon.cell.vibration import VibrationGate
+from daemon.cell.settling import VibrationGate
 from daemon.config.robot_settings import EgmSettings, SettlingSettings
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock

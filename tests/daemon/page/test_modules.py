@@ -8,7 +8,7 @@ import pytest
 
 from daemon.api.routes.help_codes import _entries
 from daemon.page import FOLDER
-from daemon.tools.batch_registration.errors import ArchiveError
+from daemon.tools.batch_registration.remote_folder import ArchiveError
 
 LANGUAGES = ("de", "es", "zh")
 TESTS = Path(__file__).parent / "modules"

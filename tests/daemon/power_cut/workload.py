@@ -14,7 +14,7 @@ from daemon.store.backup import back_up
 from daemon.store.database import DATABASE_NAME, MIGRATIONS
 from daemon.store.opening import open_offline
 from daemon.store.restore import restore
-from daemon.store.run_ages import AGES_NAME, RunAges
+from daemon.store.retention import AGES_NAME, RunAges
 from daemon.store.store import Store
 from registration.io.durable_file import fsync_path
 from tests.daemon.records import AT

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from daemon.reports.deviation_map import deviation_map
+from daemon.reports.pictures import deviation_map
 from registration.fusion.view_surface import SURFACE
 
 

@@ -10,8 +10,8 @@ import pytest
 from calibration.kinematics.stance import Stance
 from calibration.problem import Setup
 from calibration.transforms import transform
-from daemon.scans import progress
-from daemon.scans.progress import INTERVAL_S, STEP, ProgressReports, StepEnd
+from daemon.scans import registration_jobs
+from daemon.scans.registration_jobs import INTERVAL_S, STEP, ProgressReports, StepEnd
 from registration.fusion.concatenation import PlacedCloud, merge_clouds
 from registration.fusion.merging import Merge
 from registration.fusion.view_surface import view_surface
@@ -93,7 +93,7 @@ def test_a_registration_is_as_far_as_views_are_read_and_iterations_made(tmp_path
 
 
 async def test_a_long_merge_says_by_events_how_far_it_is(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress, "INTERVAL_S", 0.0)
+    monkeypatch.setattr(registration_jobs, "INTERVAL_S", 0.0)
     await apply_calibration(bench)
     scan = await a_scan(bench)
     for pose in POSES[:2]:

@@ -16,9 +16,8 @@ from daemon.store.anchor_file import ANCHOR_NAME, read_anchor
 from daemon.store.backup import back_up
 from daemon.store.consistency import find_fault
 from daemon.store.database import DATABASE_NAME
-from daemon.store.lock import LOCK_NAME
 from daemon.store.monitor import StoreMonitor
-from daemon.store.opening import open_offline
+from daemon.store.opening import LOCK_NAME, open_offline
 from daemon.store.store import Store
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.cli.running import handeyed

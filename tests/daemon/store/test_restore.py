@@ -12,7 +12,7 @@ from daemon.errors import BackupUnusable, StorageError, StorageInUse
 from daemon.store import restore as restore_module
 from daemon.store.backup import MANIFEST
 from daemon.store.database import DATABASE_NAME, SCHEMA_VERSION
-from daemon.store.lock import LOCK_NAME
+from daemon.store.opening import LOCK_NAME
 from daemon.store.restore import restore
 from daemon.store.store import Store
 from tests.daemon.cli.running import handeyed

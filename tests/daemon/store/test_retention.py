@@ -15,8 +15,7 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecor
 from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
-from daemon.store.retention import Retention, runs_to_prune
-from daemon.store.run_ages import AGES_NAME, RunAges, read_ages
+from daemon.store.retention import AGES_NAME, Retention, RunAges, read_ages, runs_to_prune
 from daemon.store.store import Store
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for

@@ -15,7 +15,7 @@ import pytest
 
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
-from daemon.tools.batch_registration.finished import FINISHED_NAME
+from daemon.tools.batch_registration.archive_run import FINISHED_NAME
 from daemon.tools.batch_registration.remote_folder import RemoteFolder
 from daemon.tools.batch_registration.tasks import MANIFEST_NAME, RegistrationTask, run_task
 from tests.daemon.calibrations import a_calibration

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from calibration.solution import PointResiduals, ViewResult
-from daemon.tools.session_pictures.charts import Mark, bar_chart, image_chart, nice_ticks, scatter_chart
 from daemon.tools.session_pictures.overlay import arrow_magnification
+from daemon.tools.session_pictures.write import Mark, bar_chart, image_chart, nice_ticks, scatter_chart
 
 
 def result_of(length_px: float, outlier_px: float) -> ViewResult:
