@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from daemon.cli.output import Json, print_json
+from daemon.cli.output import Json, print_answer
 
 if TYPE_CHECKING:
     from calibration.kinematics.arm import Arm
@@ -31,17 +31,12 @@ def arms(
     from calibration.kinematics.abb_arms import ARMS
     from calibration.kinematics.arm_evidence import evidence_of
 
-    if json:
-        listed = [
-            {**_facts(arm), "evidence": evidence_of(arm.name).state, "source": evidence_of(arm.name).source}
-            for arm in ARMS.values()
-        ]
-        print_json(listed)
-    else:
-        lines = (
-            f"{arm.name:<21}reach {arm.reach_mm / 1e3:.2f} m  {evidence_of(arm.name).state}" for arm in ARMS.values()
-        )
-        typer.echo("\n".join(lines))
+    listed = [
+        {**_facts(arm), "evidence": evidence_of(arm.name).state, "source": evidence_of(arm.name).source}
+        for arm in ARMS.values()
+    ]
+    lines = (f"{arm['name']:<21}reach {arm['reach_mm'] / 1e3:.2f} m  {arm['evidence']}" for arm in listed)
+    print_answer(json, listed, "\n".join(lines))
 
 
 def _describe(file: Path, tip: str | None, name: str, *, json: bool) -> None:
@@ -50,14 +45,10 @@ def _describe(file: Path, tip: str | None, name: str, *, json: bool) -> None:
     from daemon.runtime.bounded_read import read_document
 
     arm = read_arm_description(read_document(file), file.name, name=name.replace("|", " "), tip=tip)
-    if json:
-        print_json({**_facts(arm), "row": write_arm_row(arm)})
-        return
-    typer.echo(write_arm_row(arm))
-    typer.echo(
-        f"reach {arm.reach_mm / 1e3:.2f} m; write this line as [robot] model, or give it wherever an arm is named",
-        err=True,
-    )
+    print_answer(json, {**_facts(arm), "row": write_arm_row(arm)}, write_arm_row(arm))
+    if not json:
+        how = "write this line as [robot] model, or give it wherever an arm is named"
+        typer.echo(f"reach {arm.reach_mm / 1e3:.2f} m; {how}", err=True)
 
 
 def _facts(arm: "Arm") -> dict[str, Any]:

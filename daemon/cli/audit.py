@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus, UnreadableInput
-from daemon.cli.output import CommandGroup, Json, print_json
+from daemon.cli.output import CommandGroup, Json, print_answer
 
 if TYPE_CHECKING:
     from daemon.access.audit_chain import AuditAnchor
@@ -37,10 +37,8 @@ def verify(
 
     database = Path(load_settings(config).storage.folder) / DATABASE_NAME
     rows, found = check_audit_log(database, [_anchor(text) for text in anchor or []])
-    if json:
-        print_json({"rows": rows, "whole": not found, "flaws": found})
-    else:
-        typer.echo("\n".join(found) if found else f"the audit log is whole: {rows} rows")
+    words = "\n".join(found) or f"the audit log is whole: {rows} rows"
+    print_answer(json, {"rows": rows, "whole": not found, "flaws": found}, words)
     raise typer.Exit(ExitStatus.FAILED if found else ExitStatus.OK)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from daemon.cli.errors import ExitStatus
-from daemon.cli.output import Json, print_json
+from daemon.cli.output import Json, print_answer
 from daemon.model.check_result import CheckResult
 
 
@@ -32,8 +32,5 @@ def check(
             results.append(CheckResult("settings", True, f"{file} gives {names}"))
     if not config_only:
         results += [check_storage(settings), *asyncio.run(check_devices(settings, loaded))]
-    if json:
-        print_json([vars(result) for result in results])
-    else:
-        typer.echo("\n".join(result.line() for result in results))
+    print_answer(json, [vars(result) for result in results], "\n".join(result.line() for result in results))
     raise typer.Exit(ExitStatus.OK if all(result.ok for result in results) else ExitStatus.FAILED)

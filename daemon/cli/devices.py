@@ -1,8 +1,6 @@
 """`handeyed devices`: list the cameras that answer discovery."""
 
-import typer
-
-from daemon.cli.output import Json, print_json
+from daemon.cli.output import Json, print_answer
 
 
 def devices(json: Json = False) -> None:
@@ -13,7 +11,4 @@ def devices(json: Json = False) -> None:
     from daemon.tools.camera_discovery import discover
 
     found = discover()
-    if json:
-        print_json([vars(entry) for entry in found])
-    else:
-        typer.echo("\n".join(entry.line() for entry in found))
+    print_answer(json, [vars(entry) for entry in found], "\n".join(entry.line() for entry in found))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from daemon.cli.errors import UnreadableInput
-from daemon.cli.output import CommandGroup, Json, print_json
+from daemon.cli.output import CommandGroup, Json, print_answer
 
 if TYPE_CHECKING:
     from daemon.access.keys import KeyRecord
@@ -59,17 +59,10 @@ def list_keys(config: Config, json: Json = False) -> None:
 
     now = Clock().timestamp()
     records = _with_key_service(config, lambda service: service.keys.all())
-    if json:
-        rows = [{**{k: v for k, v in vars(r).items() if k != "hash"}, "state": r.state(now)} for r in records]
-        print_json(rows)
-        return
-    for record in records:
-        until = f"until {record.expires_at}" if record.expires_at else "without end"
-        typer.echo(f"{record.id}  {record.role:<9}{record.state(now):<8}  {until:<31}  {record.name}")
-    if not records:
-        typer.echo(
-            "there are no keys: the service lets only root and its group move the arm, a daemon started by hand anybody"
-        )
+    rows = [{**{k: v for k, v in vars(r).items() if k != "hash"}, "state": r.state(now)} for r in records]
+    none = "there are no keys: the service lets only root and its group move the arm, a daemon started by hand anybody"
+    lines = (f"{r.id}  {r.role:<9}{r.state(now):<8}  {_until(r):<31}  {r.name}" for r in records)
+    print_answer(json, rows, "\n".join(lines) or none)
 
 
 @app.command()
@@ -119,14 +112,12 @@ def _me() -> Any:
 
 
 def _show(key: str, record: "KeyRecord", json: bool) -> None:
-    if json:
-        shown = {"key": key, "id": record.id, "name": record.name, "role": record.role}
-        print_json({**shown, "expires_at": record.expires_at})
-        return
-    typer.echo(key)
-    until = f"until {record.expires_at}" if record.expires_at else "without end"
-    typer.echo(
-        f"{record.role} key of {record.name}, {until}; it is shown this once. "
-        "Send it as 'Authorization: Bearer KEY'; commands take it from HANDEYED_KEY.",
-        err=True,
-    )
+    shown = {"key": key, "id": record.id, "name": record.name, "role": record.role}
+    print_answer(json, {**shown, "expires_at": record.expires_at}, key)
+    if not json:
+        how = "Send it as 'Authorization: Bearer KEY'; commands take it from HANDEYED_KEY."
+        typer.echo(f"{record.role} key of {record.name}, {_until(record)}; it is shown this once. {how}", err=True)
+
+
+def _until(record: "KeyRecord") -> str:
+    return f"until {record.expires_at}" if record.expires_at else "without end"

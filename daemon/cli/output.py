@@ -71,9 +71,9 @@ ArmTemperature = Annotated[float | None, typer.Option(help="With --arm: of its l
 Refine = Annotated[bool, typer.Option("--refine", help="Fit the views to each other, within the robot's noise.")]
 
 
-def print_json(value: Any) -> None:
-    """Print a value for programs, in one line."""
-    typer.echo(dumps(value))
+def print_answer(json: bool, answer: Any, words: str) -> None:
+    """Print the answer in one line for programs, or the words for people."""
+    typer.echo(dumps(answer) if json else words)
 
 
 def print_error(text: str) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus, UnreadableInput
-from daemon.cli.output import Json, print_json, writing
+from daemon.cli.output import Json, print_answer, writing
 
 if TYPE_CHECKING:
     from drivers.robots.abb.acceptance.bench import Bench
@@ -52,11 +52,8 @@ def acceptance(
         report.parent.mkdir(parents=True, exist_ok=True)
         report.write_text(acceptance_page(document), encoding="utf-8")
         report.with_suffix(".json").write_text(dumps(document, indent=2), encoding="utf-8")
-    if json:
-        print_json(document)
-    else:
-        counts = ", ".join(f"{number} {verdict}" for verdict, number in document["counts"].items())
-        typer.echo(f"{counts}; {report}, {report.with_suffix('.json')}")
+    counts = ", ".join(f"{number} {verdict}" for verdict, number in document["counts"].items())
+    print_answer(json, document, f"{counts}; {report}, {report.with_suffix('.json')}")
     raise typer.Exit(ExitStatus.OK if document["accepted"] else ExitStatus.FAILED)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus, UnreadableInput
-from daemon.cli.output import Json
+from daemon.cli.output import Json, print_answer
 from daemon.cli.robot_files import module_folder, program_files
 
 if TYPE_CHECKING:
@@ -86,10 +86,8 @@ def remove(
     undone = all(each.ok for each in outcomes)
     # Reset RAPID after half a removal would take programs for nothing.
     steps = steps_after_removal(family) if undone else ()
-    if json:
-        typer.echo(dumps({"done": [vars(each) for each in outcomes], "by_hand": steps}))
-    else:
-        typer.echo("\n".join([*(each.line() for each in outcomes), *(f"by hand  {step}" for step in steps)]))
+    lines = [*(each.line() for each in outcomes), *(f"by hand  {step}" for step in steps)]
+    print_answer(json, {"done": [vars(each) for each in outcomes], "by_hand": steps}, "\n".join(lines))
     raise typer.Exit(ExitStatus.OK if undone else ExitStatus.FAILED)
 
 

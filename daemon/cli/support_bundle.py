@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from daemon.cli.output import Json, print_json
+from daemon.cli.output import Json, print_answer
 
 
 def support_bundle(
@@ -30,7 +30,6 @@ def support_bundle(
     key, service = os.environ.get("HANDEYED_KEY"), running_service()
     bundle = gather(config, log, f"Bearer {key}" if key else None if service is None else service.authorization)
     size = bundle.write(target, at)
-    if as_json:
-        print_json({"file": str(target), "bytes": size, "contents": ["README.txt", *bundle.files]})
-        return
-    typer.echo(f"{target}: {size / 1e3:.0f} kB, {1 + len(bundle.files)} files; look at it before you send it")
+    packed = {"file": str(target), "bytes": size, "contents": ["README.txt", *bundle.files]}
+    words = f"{target}: {size / 1e3:.0f} kB, {1 + len(bundle.files)} files; look at it before you send it"
+    print_answer(as_json, packed, words)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from daemon.cli.errors import UnreadableInput
-from daemon.cli.output import CommandGroup, Json, print_json, write_whole
+from daemon.cli.output import CommandGroup, Json, print_answer, write_whole
 
 if TYPE_CHECKING:
     from calibration.targets import PrintedTarget
@@ -89,11 +89,9 @@ def _write(data: Any, page: str, out: Path, as_json: bool, origin: str = "target
         raise UnreadableInput(str(out), "neither .pdf nor .svg", "choose one of them")
     sheet = lay_out(document, page)
     write_whole(out, writers[out.suffix.lower()](sheet))
-    if as_json:
-        page_mm, origin_mm = [sheet.width, sheet.height], list(sheet.target_origin)
-        print_json({"file": str(out), "page_mm": page_mm, "target_origin_mm": origin_mm, "target": data})
-    else:
-        typer.echo(_summary(out, f"{sheet.width:g} x {sheet.height:g} mm", document))
+    page_mm, origin_mm = [sheet.width, sheet.height], list(sheet.target_origin)
+    printed = {"file": str(out), "page_mm": page_mm, "target_origin_mm": origin_mm, "target": data}
+    print_answer(as_json, printed, _summary(out, f"{sheet.width:g} x {sheet.height:g} mm", document))
 
 
 def _summary(out: Path, size: str, target: "PrintedTarget") -> str:

@@ -2,9 +2,7 @@
 
 import platform
 
-import typer
-
-from daemon.cli.output import Json, print_json
+from daemon.cli.output import Json, print_answer
 
 NUMERICS = ("numpy", "scipy", "opencv-python-headless")
 """Libraries whose version can change numerical results."""
@@ -16,7 +14,4 @@ def version(json: Json = False) -> None:
 
     versions = {name: metadata.version(name) for name in ("handeyed", *NUMERICS)}
     versions["python"] = platform.python_version()
-    if json:
-        print_json(versions)
-    else:
-        typer.echo("\n".join(f"{name} {number}" for name, number in versions.items()))
+    print_answer(json, versions, "\n".join(f"{name} {number}" for name, number in versions.items()))
