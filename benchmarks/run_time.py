@@ -14,7 +14,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from daemon.cli.demo_run.processes import start_child
-from daemon.cli.demo_run.settings_file import settings_text
+from daemon.cli.demo_run.scenario import settings_text
 from handeyed.client import Client, ServerEvent
 
 POSES, BAR = 8, 0.05

@@ -28,7 +28,7 @@ from daemon.runtime.systemd import Systemd
 from daemon.runtime.tasks import SectionService, Service, end_task
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
-from daemon.store.key_service import KeyService
+from daemon.store.access_keys import KeyService
 from daemon.store.key_watch import KeyWatch
 from daemon.store.sign_in import SignIn
 from daemon.store.store import Store

@@ -42,7 +42,7 @@ from daemon.scans.scan_service import ScanService
 from daemon.server import Announce, Server, SettingsReload, make_announcer
 from daemon.sessions.look import share_looks
 from daemon.sessions.pictures import LivePictures
-from daemon.store.key_service import KeyService
+from daemon.store.access_keys import KeyService
 from daemon.store.key_watch import KeyWatch
 from daemon.store.monitor import KeyExpiry, StoreMonitor
 from daemon.store.retention import Retention

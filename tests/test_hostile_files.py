@@ -10,7 +10,7 @@ import pytest
 from calibration.documents.validation import parse_document
 from calibration.errors import DocumentError
 from daemon.cli.errors import CommandError
-from daemon.cli.robot_files import module_files as rapid_modules
+from daemon.cli.robot_setup import module_files as rapid_modules
 from daemon.config.settings import load_settings, parse_settings
 from daemon.runtime.bounded_read import read_document
 from daemon.sessions.session_files import ImageError, read_grey

@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.daemon.page import run_s
 from benchmarks.daemon.page_cloud import SEED, forget_peak, resident_mb, send_scan
 from daemon.cli.demo_run.processes import start_child
-from daemon.cli.demo_run.settings_file import settings_text
+from daemon.cli.demo_run.scenario import settings_text
 
 MERGES = {"every point": {}, "voxels of 1 mm": {"voxel_mm": 1.0}}
 BAR_MB, RUN_BAR = 600.0, 0.02

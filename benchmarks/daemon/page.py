@@ -25,7 +25,7 @@ import httpx
 
 from benchmarks.daemon.taught_poses import add_taught_poses
 from daemon.cli.demo_run.processes import start_child
-from daemon.cli.demo_run.settings_file import settings_text
+from daemon.cli.demo_run.scenario import settings_text
 
 SEED = 7
 CHROMIUM = "/usr/bin/chromium"

@@ -19,7 +19,7 @@ from playwright.sync_api import Response, sync_playwright
 
 from benchmarks.daemon.page import CHROMIUM, RENDERER, run_s
 from daemon.cli.demo_run.processes import start_child
-from daemon.cli.demo_run.settings_file import settings_text
+from daemon.cli.demo_run.scenario import settings_text
 from registration.io.formats import ply
 from registration.points.layout import XYZ_FLOAT32
 

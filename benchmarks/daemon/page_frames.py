@@ -20,7 +20,7 @@ from playwright.sync_api import sync_playwright
 
 from benchmarks.daemon.page import CHROMIUM, RENDERER, processor_s
 from daemon.cli.demo_run.processes import start_child
-from daemon.cli.demo_run.settings_file import settings_text
+from daemon.cli.demo_run.scenario import settings_text
 
 SEED = 7
 BAR_MS = {"a graphics card": 50.0, "software": 125.0}

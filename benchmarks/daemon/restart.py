@@ -22,7 +22,7 @@ import httpx
 
 from benchmarks.daemon.startup import environment_with_bytecode
 from daemon.cli.demo_run.processes import start_child
-from daemon.cli.demo_run.settings_file import settings_text
+from daemon.cli.demo_run.scenario import settings_text
 
 READY_BAR_S = 5.0
 AT_WORK_BAR_S = 1.2

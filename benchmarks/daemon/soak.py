@@ -23,7 +23,7 @@ import httpx
 import numpy as np
 
 from daemon.cli.demo_run.processes import start_child
-from daemon.cli.demo_run.settings_file import settings_text
+from daemon.cli.demo_run.scenario import settings_text
 from protocols.modbus.mbap import Adu
 
 REGISTRATIONS = 10_000

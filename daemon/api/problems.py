@@ -24,7 +24,7 @@ from daemon.access import errors as access
 from daemon.api import http_errors
 from daemon.api.negotiation import TEXT, wants_text
 from daemon.http.problem_details import MEDIA_TYPE, Problem, reason_phrase
-from daemon.reports.errors import ReportExtraMissing, ReportTooSlow
+from daemon.reports.pdf import ReportExtraMissing, ReportTooSlow
 from drivers import errors as device
 from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
 

@@ -29,8 +29,15 @@ def demo(
     import webbrowser
 
     from daemon.cli.demo_run.processes import exit_on_signals, start_child
-    from daemon.cli.demo_run.scenario import VIEW_FILE, ProgressPrinter, next_steps, report, report_json, run_scenario
-    from daemon.cli.demo_run.settings_file import settings_text
+    from daemon.cli.demo_run.scenario import (
+        VIEW_FILE,
+        ProgressPrinter,
+        next_steps,
+        report,
+        report_json,
+        run_scenario,
+        settings_text,
+    )
     from daemon.cli.rest_client import free_port
 
     _clear_folder(folder)

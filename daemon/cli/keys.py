@@ -12,7 +12,7 @@ from daemon.cli.output import CommandGroup, Json, print_answer
 
 if TYPE_CHECKING:
     from daemon.access.keys import KeyRecord
-    from daemon.store.key_service import KeyService
+    from daemon.store.access_keys import KeyService
 
 Answer = TypeVar("Answer")
 
@@ -97,8 +97,7 @@ def _with_key_service(config: Path, work: "Callable[[KeyService], Coroutine[Any,
 
     from daemon.config.settings import load_settings
     from daemon.runtime.clock import Clock
-    from daemon.store.access_keys import AccessKeys
-    from daemon.store.key_service import KeyService
+    from daemon.store.access_keys import AccessKeys, KeyService
     from daemon.store.opening import open_offline
 
     with open_offline(Path(load_settings(config).storage.folder)) as database:

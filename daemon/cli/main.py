@@ -1,4 +1,4 @@
-"""The command `handeyed`, assembled from one module per command."""
+"""The command `handeyed`, assembled from the modules of its commands."""
 
 import os
 from collections.abc import Mapping
@@ -10,31 +10,25 @@ from daemon.cli.arms import arms
 from daemon.cli.audit import app as audit
 from daemon.cli.backup import backup, restore
 from daemon.cli.calibrate import calibrate
-from daemon.cli.check import check
+from daemon.cli.check import check, devices, health, support_bundle
 from daemon.cli.compare import compare
 from daemon.cli.demo import demo
-from daemon.cli.devices import devices
 from daemon.cli.export import export
-from daemon.cli.health import health
 from daemon.cli.import_session import import_session
 from daemon.cli.init import init
 from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
 from daemon.cli.output import CommandExtension, CommandGroup, Commands
 from daemon.cli.plan import assess, plan
-from daemon.cli.register import register
-from daemon.cli.register_archive import register_archive
+from daemon.cli.register import register, register_archive, stitch
 from daemon.cli.report import report
 from daemon.cli.robot import app as robot
-from daemon.cli.schema import schema
 from daemon.cli.serve import serve
 from daemon.cli.solve import solve
-from daemon.cli.stitch import stitch
-from daemon.cli.support_bundle import support_bundle
 from daemon.cli.target import app as target
 from daemon.cli.tls import app as tls
 from daemon.cli.verify_scanner import verify_scanner
-from daemon.cli.version import version
+from daemon.cli.version import schema, version
 from extensions.commands import COMMANDS
 from gateways.commands import COMMANDS as GATEWAYS
 

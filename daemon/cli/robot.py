@@ -8,9 +8,8 @@ import typer
 from daemon.cli.errors import CommandError, ExitStatus, UnreadableInput
 from daemon.cli.output import CommandGroup
 from daemon.cli.robot_acceptance import acceptance
-from daemon.cli.robot_files import module_files, program_files
 from daemon.cli.robot_jog import jog
-from daemon.cli.robot_setup import remove, rws_address, setup
+from daemon.cli.robot_setup import module_files, program_files, remove, rws_address, setup
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument

@@ -80,8 +80,7 @@ def _write(data: Any, page: str, out: Path, as_json: bool, origin: str = "target
     from calibration.documents.target import TargetFile
     from calibration.documents.validation import validate_document
     from daemon.tools.target_print.layout import lay_out
-    from daemon.tools.target_print.pdf import pdf
-    from daemon.tools.target_print.svg import svg
+    from daemon.tools.target_print.pdf import pdf, svg
 
     document = validate_document(TargetFile, {"target": data}, origin).target
     writers = {".pdf": pdf, ".svg": svg}

@@ -12,7 +12,7 @@ from daemon.errors import StorageError
 from daemon.runtime.clock import Clock
 from daemon.runtime.tasks import InBackground
 from daemon.store.access_keys import AccessKeys
-from daemon.store.browser_sessions import BrowserSessions
+from daemon.store.sign_in import BrowserSessions
 
 CHECK_S = 0.5
 """Interval of reading the keys."""

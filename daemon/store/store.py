@@ -36,7 +36,6 @@ from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.store.access_keys import AccessKeys
 from daemon.store.actor import current_audit_context, record_change
 from daemon.store.audit_log import AuditLog
-from daemon.store.browser_sessions import BrowserSessions
 from daemon.store.consistency import StoreFault, find_fault
 from daemon.store.damaged_rows import Parsed, parse_each, parse_row, parse_stored, parsing, split_damaged
 from daemon.store.database import Database
@@ -45,6 +44,7 @@ from daemon.store.idempotency_keys import IdempotencyKeys
 from daemon.store.listings import ACCURACY, APPLIED, RUNS, SCAN_VIEWS, SCANS, Listings, read_page, views_of
 from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
+from daemon.store.sign_in import BrowserSessions
 
 
 def read_calibration(row: tuple[Any, ...]) -> CalibrationRecord:

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import httpx
 import yaml
 
-from daemon.cli.demo_run.settings_file import settings_text
+from daemon.cli.demo_run.scenario import settings_text
 from mock_robot.truth.truth import CellTruth
 from tests.gateways.opcua.plant import Plant
 from tests.mock_robot.running_cell import ROOT, CellProcess, cell_process

@@ -18,7 +18,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.transforms import transform_from_quaternion
 from daemon.access.certificates import CERTIFICATE, PRIVATE_KEY, make_certificate
 from daemon.cli.demo_run.processes import start_child
-from daemon.cli.demo_run.settings_file import settings_text
+from daemon.cli.demo_run.scenario import settings_text
 from handeyed import Client, ClientError
 from handeyed.client import Run
 from handeyed.errors import ConnectionBroke, NoDaemon, NotAnAddress, Refused, RunFailed

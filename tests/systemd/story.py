@@ -30,7 +30,7 @@ systemd-run --quiet --unit=mock --property=DynamicUser=yes --property=StateDirec
 while ! [ -e /var/lib/mock/ready.json ]; do sleep 0.2; done
 /opt/mock/bin/python3 - <<'END' >/root/mock.toml
 import json, pathlib
-from handeyed.daemon.cli.demo_run.settings_file import settings_text
+from handeyed.daemon.cli.demo_run.scenario import settings_text
 text = settings_text(json.loads(pathlib.Path("/var/lib/mock/ready.json").read_text()), 8372)
 print(text.replace('folder = "store"', 'folder = "/var/lib/handeyed"'))
 END

@@ -23,9 +23,8 @@ from daemon.api.routes.scans import calibration_of_scan
 from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.reports.context import DeviationMap, Picture, ReportContext, session_sha256, shown_field
-from daemon.reports.errors import ReportTooSlow
 from daemon.reports.pages import policy_of
-from daemon.reports.pdf import Attached, write_pdf
+from daemon.reports.pdf import Attached, ReportTooSlow, write_pdf
 from daemon.reports.reports import acceptance_report, calibration_report, drift_report, scan_report, verification_report
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.sessions.pictures import PictureType, encode_picture

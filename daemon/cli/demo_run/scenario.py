@@ -16,11 +16,46 @@ import typer
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_text import accuracy_text
 from calibration.documents.numbers import significant
-from daemon.cli.demo_run.settings_file import TOLERANCE_MM
 from daemon.cli.errors import CommandError
 from daemon.cli.rest_client import connect
+from daemon.config.toml_text import toml_text
 from daemon.runtime.module_names import module_name
 from handeyed.client import DEFAULT_URL, Client, ServerEvent
+
+TOLERANCE_MM = 1.0
+"""Largest U (k = 2) of a measured point in the demo's cell."""
+
+
+def settings_text(announcement: dict[str, Any], port: int) -> str:
+    """The settings of a daemon at `port` for the mock cell with this ready file."""
+    robot, cell = announcement["robot"], announcement["cell"]
+    sections: dict[str, dict[str, Any]] = {
+        "robot": {
+            "address": f"tcp://{robot['host']}:{robot['port']}",
+            "limit_s": 20.0,  # the mock controller is one of many programs on this PC
+            "model": cell["arm"],
+            "speed_mm_s": 250.0,
+            "box_mm": cell["box_mm"],
+        },
+        "camera": {
+            "address": announcement["camera"],
+            "setup": cell["setup"],
+            "limit_s": 60.0,  # its pictures are rendered beside everything else on this PC
+            "intrinsics": cell["camera"],
+        },
+        "scanner": {"address": announcement["scanner"], "unit": "mm", "poses": cell["scan_poses"]},
+        "target": cell["target"],
+        "calibration": {
+            "policy": "auto",
+            "tolerance_mm": TOLERANCE_MM,
+            **{name: guess for name, guess in cell.items() if name.endswith("_guess")},
+        },
+        "server": {"port": port},
+        "storage": {"folder": "store", "reserve_mb": 50.0},
+        "report": {"cell": "Mock cell"},
+    }
+    return toml_text(sections)
+
 
 NAME, WHAT = 12, 36
 """Widths of the two left columns."""

@@ -17,7 +17,7 @@ from daemon.access.roles import ANY, POLICY, ROLES, Role, role_for
 from daemon.errors import NotFound
 from daemon.model.records import CalibrationRecord
 from daemon.runtime.clock import Clock
-from daemon.store.key_service import KeyService
+from daemon.store.access_keys import KeyService
 from daemon.store.store import Store
 from tests.daemon.access_keys import TEST, bearer, with_keys
 from tests.daemon.calibrations import a_calibration

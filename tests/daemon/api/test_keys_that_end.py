@@ -8,8 +8,7 @@ import pytest
 
 from daemon.access.roles import Role
 from daemon.runtime.clock import Clock
-from daemon.store.access_keys import AccessKeys
-from daemon.store.key_service import KeyService
+from daemon.store.access_keys import AccessKeys, KeyService
 from daemon.store.key_watch import CHECK_S
 from daemon.store.opening import open_offline
 from tests.daemon.access_keys import TEST, bearer

@@ -10,7 +10,7 @@ import pytest
 from calibration.documents.numbers import number
 from daemon.model.records import CalibrationRecord
 from daemon.reports import pdf
-from daemon.reports.errors import ReportExtraMissing
+from daemon.reports.pdf import ReportExtraMissing
 from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration, with_views
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import PLY, POSES, cloud

@@ -15,7 +15,7 @@ import pytest
 
 from calibration.documents.calibration import CalibrationDocument
 from daemon.cli.demo_run.processes import ChildProcess, start_child
-from daemon.cli.demo_run.settings_file import settings_text
+from daemon.cli.demo_run.scenario import settings_text
 from tests.daemon.cli.running import handeyed
 from tests.support.terminal import started
 from tests.support.waiting import LIMIT_S

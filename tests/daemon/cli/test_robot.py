@@ -6,8 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from daemon.cli.main import app
-from daemon.cli.robot_files import program_files
-from daemon.cli.robot_setup import rws_address
+from daemon.cli.robot_setup import program_files, rws_address
 from mock_robot.cabinet.panel import Mode
 from tests.daemon.cli.running import handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart

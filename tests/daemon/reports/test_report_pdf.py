@@ -12,8 +12,7 @@ from calibration.documents.numbers import number
 from calibration.sentences.sentence import LANGUAGES, LanguageTag
 from daemon.config.report_settings import ReportSettings
 from daemon.reports.context import ReportContext
-from daemon.reports.errors import ReportExtraMissing
-from daemon.reports.pdf import Attached, write_pdf
+from daemon.reports.pdf import Attached, ReportExtraMissing, write_pdf
 from daemon.reports.reports import calibration_report
 from tests.daemon.calibrations import a_calibration
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.cli.robot_files import program_files
+from daemon.cli.robot_setup import program_files
 from drivers.errors import RequestRefused
 from drivers.robots.abb.rapid_names import RapidNames
 from drivers.robots.abb.rws.address import RwsAddress
