@@ -306,19 +306,19 @@ class Cell:
 
     async def move_to(self, goal: MoveGoal) -> None:
         """Move the arm, under a motion lease; returns when it has arrived. Raises DeviceError."""
-        self._at.reach("before move")
+        self._at("before move")
         await self.robot.move_to(goal)
-        self._at.reach("after move")
+        self._at("after move")
 
     async def move_to_joints(self, goal: JointGoal) -> None:
         """Move the axes, under a motion lease; returns when the arm has arrived. Raises CellNotReady, DeviceError."""
-        self._at.reach("before move")
+        self._at("before move")
         program = configured(self.robot)
         if program is None:
             raise CellNotReady((AXES_NOT_MOVED,))
         await self.require_interlocks()
         await program.move_to_joints(goal)
-        self._at.reach("after move")
+        self._at("after move")
 
     async def read_settled_pose(self) -> PoseReading:
         """Pose and joints of the arm, once it is at rest and no longer vibrates. Raises NotStill, DeviceError."""
@@ -351,12 +351,12 @@ class Cell:
 
         Raises NotStill, StaleCaptureError, DeviceError.
         """
-        self._at.reach("before capture")
+        self._at("before capture")
         grab = self.camera_turns.grab
         take = partial(self._outputs.capture, grab) if self._outputs else grab
         newer_than_s = before.taken_at_s
         frame = await (self.exposure.expose(take, newer_than_s) if self.exposure else take(newer_than_s))
-        self._at.reach("after capture")
+        self._at("after capture")
         check_still(before, await self.robot.read_pose(), self._settling)
         self._camera_staleness.check_frame(frame, before)
         return frame
@@ -369,10 +369,10 @@ class Cell:
         if scanner not in self._scanners:
             raise NoScanner
         device, staleness = self._scanners[scanner]
-        self._at.reach("before capture")
+        self._at("before capture")
         with errors_of("scanner"):
             cloud = await device.scan(before.taken_at_s)
-        self._at.reach("after capture")
+        self._at("after capture")
         check_still(before, await self.robot.read_pose(), self._settling)
         staleness.check_cloud(cloud, before)
         return cloud

@@ -1,4 +1,4 @@
-"""The command line: one module per command, assembled in `main`. Heavy packages are imported inside the commands."""
+"""The command line: its commands, assembled in `main`. Heavy packages are imported inside the commands."""
 
 import os
 

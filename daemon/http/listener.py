@@ -10,10 +10,10 @@ import socket
 import ssl
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Protocol
+from typing import Any
 
 from daemon.http.accepting import Accepting
-from daemon.http.request_pacing import RequestPacing
+from daemon.http.connection_limiter import ConnectionLimiter
 
 MAX_BEGUN_A_TURN, MAX_HANDSHAKES_BEGUN_A_TURN = 4, 4
 """Connections begun in one turn of the event loop without TLS, and with it; each costs about 0.1 ms, and 1 ms."""
@@ -52,19 +52,6 @@ class PendingConnection:
             await asyncio.get_running_loop().connect_accepted_socket(follows, self._connection, **tls)
 
 
-class PendingLimiter(Protocol):
-    """Limits the number of pending connections; see ConnectionLimiter."""
-
-    @property
-    def pacing(self) -> RequestPacing:
-        """While it is held only connections that send an abort begin."""
-        ...
-
-    def admit(self, newcomer: PendingConnection) -> None: ...
-
-    def release(self, one: PendingConnection) -> None: ...
-
-
 class HttpListener:
     """Accepts connections; takes the place of asyncio's server in uvicorn.
 
@@ -76,7 +63,7 @@ class HttpListener:
         listener: socket.socket,
         context: ssl.SSLContext | None,
         limit_s: float,
-        limiter: PendingLimiter,
+        limiter: ConnectionLimiter,
         follows: Callable[[PendingConnection], asyncio.BaseProtocol],
     ) -> None:
         self._limiter, self._make_protocol = limiter, follows

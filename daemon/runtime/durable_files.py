@@ -24,7 +24,7 @@ def write_durably(path: Path, blocks: Iterable[bytes], at: Failpoints = NO_FAILP
     temporary = path.with_name(f".{path.name}.part")
     try:
         with create_file(temporary) as file:
-            at.reach("before write")
+            at("before write")
             for block in blocks:
                 file.write(block)
             file.flush()
@@ -52,22 +52,22 @@ def rename_durably(written: Path, final: Path, at: Failpoints = NO_FAILPOINTS) -
 
 
 def _fsync(descriptor: int, at: Failpoints) -> None:
-    at.reach("before fsync")
+    at("before fsync")
     os.fsync(descriptor)
-    at.reach("after fsync")
+    at("after fsync")
 
 
 def _rename(written: Path, final: Path, at: Failpoints) -> None:
     require_replaceable(final)
-    at.reach("before rename")
+    at("before rename")
     written.replace(final)
-    at.reach("after rename")
+    at("after rename")
 
 
 def _fsync_names(folder: Path, at: Failpoints) -> None:
-    at.reach("before fsync of the folder")
+    at("before fsync of the folder")
     fsync_path(folder)
-    at.reach("after fsync of the folder")
+    at("after fsync of the folder")
 
 
 def make_folder(folder: Path, mode: int = 0o750) -> None:

@@ -121,8 +121,8 @@ class Database:
         with self._connection:
             self._connection.execute("BEGIN IMMEDIATE")
             answer = change(self._connection)
-            self._at.reach("before commit")
-        self._at.reach("after commit")
+            self._at("before commit")
+        self._at("after commit")
         self.guard()
         return answer
 

@@ -22,7 +22,7 @@ class Disk:
     code: int
     broken: bool = False
 
-    def reach(self, place: str) -> None:
+    def __call__(self, place: str) -> None:
         if self.broken and place == self.place:
             raise OSError(self.code, "the disk says no")
 

@@ -29,7 +29,7 @@ async def test_every_failpoint_that_is_named_is_reached_by_the_daemon_itself(tmp
     seen: list[str] = []
 
     class Seen:
-        def reach(self, place: str) -> None:
+        def __call__(self, place: str) -> None:
             seen.append(place)
 
     async with serving(settings_for(tmp_path), at=Seen()) as bench:

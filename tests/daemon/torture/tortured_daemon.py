@@ -29,7 +29,7 @@ class KillAt:
     told: int
     seen: dict[str, int] = field(default_factory=lambda: dict.fromkeys(PLACES, 0))
 
-    def reach(self, place: str) -> None:
+    def __call__(self, place: str) -> None:
         os.write(self.told, bytes([PLACES.index(place)]))
         self.seen[place] += 1
         if place == self.place and self.seen[place] == self.nth:
