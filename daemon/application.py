@@ -14,8 +14,8 @@ from daemon.cell.cell import Cell
 from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings, SettingsFile
-from daemon.drift.cell_cameras import CellCamera, CellCameras
-from daemon.errors import NotInstalled, StorageError
+from daemon.drift.cell_cameras import CellCamera
+from daemon.errors import NotFound, NotInstalled, StorageError
 from daemon.http.listen_socket import late_addresses
 from daemon.operations import Operations
 from daemon.runs.supervisor import MAX_STEP_S, Supervisor
@@ -56,6 +56,7 @@ Kind = TypeVar("Kind")
 class Application:
     """All parts of the daemon, built by `composition`.
 
+    `cameras`: that of [camera] first.
     `services`: started in their order and stopped in reverse; their warnings have it, too, the gravest first.
     `workers` compute for runs and nothing else; `merge_workers` merge and register scans, one at a time;
     `service_workers` do what is left: uploads, encoding, lists, the drift chart. `setup_file`: what the first set-up
@@ -77,7 +78,7 @@ class Application:
     operations: Operations
     scans: ScanService
     metrics: Metrics
-    cameras: CellCameras
+    cameras: tuple[CellCamera, ...]
     key_service: KeyService
     sign_in: SignIn
     key_watch: KeyWatch
@@ -98,7 +99,11 @@ class Application:
 
     def camera(self, name: str | None) -> CellCamera:
         """The camera of that name, without one that of [camera]. Raises NotFound."""
-        return self.cameras.by_name(name)
+        found = next((camera for camera in self.cameras if name in (None, camera.name)), None)
+        if found is None:
+            fix = Sentence("choose-of-settings", names=[camera.name for camera in self.cameras])
+            raise NotFound(Sentence("no-such-camera", name=name), fix)
+        return found
 
     def service(self, kind: type[Kind]) -> Kind:
         """The background service of that class; there is one."""

@@ -22,7 +22,7 @@ from daemon.cell.devices import open_devices, open_exposure_control
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.readings import CellReadings
 from daemon.config.settings import MAIN_CAMERA, OF_SERVICES, Settings, SettingsFile
-from daemon.drift.cell_cameras import CellCamera, CellCameras
+from daemon.drift.cell_cameras import CellCamera
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
 from daemon.operations import Operations, no_further_sensors
@@ -121,14 +121,14 @@ def build(
             RecentReading(seen_by.obstacles, clock.monotonic_s),
         )
 
-    cameras = CellCameras(tuple(map(camera_of, settings.camera_names)))
-    by_name.update({camera.name: camera.operations for camera in cameras.cameras})
-    operations, drifts = cameras.main.operations, [camera.drift for camera in cameras.cameras]
+    cameras = tuple(map(camera_of, settings.camera_names))
+    by_name.update({camera.name: camera.operations for camera in cameras})
+    operations, drifts = cameras[0].operations, [camera.drift for camera in cameras]
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
     loop_monitor, device_watch = EventLoopMonitor(), DeviceWatch(cell, clock, events.publish)
     key_watch = KeyWatch(store.access_keys, store.browser_sessions, clock)
     every_s = 3600 * settings.drift.every_h
-    schedules = [DriftSchedule(camera.operations, clock, every_s) for camera in cameras.cameras]
+    schedules = [DriftSchedule(camera.operations, clock, every_s) for camera in cameras]
 
     def doing() -> Doing:
         run = supervisor.in_progress

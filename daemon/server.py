@@ -136,7 +136,7 @@ class SettingsReload(Service):
             await app.clock.sleep(RELOAD_POLL_S)
         app.settings = taken_over(app.settings, after, done)
         logging.getLogger().setLevel(app.settings.server.log_level.upper())
-        for camera in app.cameras.cameras:
+        for camera in app.cameras:
             camera.settings = camera.operations.settings = app.settings.of_camera(camera.name)
             cell = camera.operations.cell
             cell.exposure = open_exposure_control(camera.settings, cell.camera, app.workers, app.clock)

@@ -64,7 +64,7 @@ def routes(application: Application | None, extensions: Extensions = ()) -> Fast
     )
     app.state.application, app.state.extensions = application, extensions
     if application is not None:
-        app.state.live, cameras = LiveFeed(application), application.cameras.cameras
+        app.state.live, cameras = LiveFeed(application), application.cameras
         app.state.picture_streams = {camera.name: PictureStream(application, camera) for camera in cameras}
         app.state.robot_documents = RobotDocuments(application)
         app.add_route(openapi.PATH, openapi.OpenApiRoute(app, application.service_workers).respond)

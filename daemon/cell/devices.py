@@ -33,7 +33,9 @@ def open_devices(settings: Settings, clock: Clock) -> Devices:
         vibration_gate=None
         if egm is None
         else VibrationGate(open_vibration_monitor(egm.host, egm.port, egm.robot, timing), egm),
-        outputs=CaptureOutputs(program, outputs, clock) if program is not None and outputs is not None else None,
+        outputs=CaptureOutputs(program.switch_output, outputs, clock)
+        if program is not None and outputs is not None
+        else None,
         cameras={name: _open_camera(camera, timing) for name, camera in settings.cameras.items()},
         scanners={name: _open_scanner(scanner, timing) for name, scanner in settings.scanners.items()},
     )

@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_in_use import CalibrationInUse
@@ -44,6 +44,7 @@ TRANSIT_FOLDER = "passing"
 
 log = logging.getLogger(__name__)
 
+Found = TypeVar("Found")
 ReportTask = asyncio.Task[RegistrationReportDocument]
 
 
@@ -179,17 +180,15 @@ class ScanService:
         Raises RegistrationError, WorkersBusy.
         """
         target = self.store.scan_folder(scan_id) / f"merged-{self.new_id(self.clock)}{suffix}"
-        stop, on_progress = threading.Event(), self._progress_of("merge", scan_id, view)
 
-        def merge_until_stopped() -> None:
-            merge_clouds(clouds, target, calibration_id, merge, stopped := self._step_end(stop), on_progress)
+        def merge_until_stopped(stopped: StepEnd, on_progress: ProgressReports) -> None:
+            merge_clouds(clouds, target, calibration_id, merge, stopped, on_progress)
             if stopped():  # averaging and writing, the last step, is long: it rests after that, too
                 target.unlink(missing_ok=True)
 
         try:
-            await self.merge_workers.run_if_free(merge_until_stopped)
+            await self._work_in_steps("merge", scan_id, view, merge_until_stopped)
         except asyncio.CancelledError:
-            stop.set()
             target.unlink(missing_ok=True)
             raise
         return target
@@ -198,27 +197,28 @@ class ScanService:
         self, scan_id: str, clouds: list[PlacedCloud], view: int, voxel_mm: float, box_mm: Box | None = None
     ) -> bytes:
         """One view's averaged points as records of `view_surface.SURFACE`. Raises RegistrationError, WorkersBusy."""
-        stop, on_progress = threading.Event(), self._progress_of("surface", scan_id, view)
-        try:
-            found = await self.merge_workers.run_if_free(
-                view_surface, clouds, view, voxel_mm, box_mm, self._step_end(stop), on_progress
-            )
-        except asyncio.CancelledError:
-            stop.set()
-            raise
-        return found.tobytes()
+        job = partial(view_surface, clouds, view, voxel_mm, box_mm)
+        return (await self._work_in_steps("surface", scan_id, view, job)).tobytes()
 
-    def _step_end(self, stop: threading.Event) -> StepEnd:
-        return StepEnd(stop, self.run_in_progress, self.clock.monotonic_s)
+    async def _work_in_steps(
+        self, work: str, scan_id: str, view: int | None, job: Callable[[StepEnd, ProgressReports], Found]
+    ) -> Found:
+        """Merge or draw one view or (None) all; publishes how far it is. Cancelled, it stops after a step.
 
-    def _progress_of(self, work: str, scan_id: str, view: int | None) -> ProgressReports:
-        """Publishes how far a merge or a surface is, of one view or (None) of all."""
+        Raises WorkersBusy, and what `job` raises.
+        """
 
         def publish(progress: float) -> None:
             about = {"scan_id": scan_id, "work": work, "view": view}
             self.publish("cloud", {**about, "progress": round(progress, 3)})
 
-        return ProgressReports(publish, self.clock.monotonic_s)
+        stop, reports = threading.Event(), ProgressReports(publish, self.clock.monotonic_s)
+        stopped = StepEnd(stop, self.run_in_progress, self.clock.monotonic_s)
+        try:
+            return await self.merge_workers.run_if_free(job, stopped, reports)
+        except asyncio.CancelledError:
+            stop.set()
+            raise
 
     async def assess_scanner(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:
         """The scanner's errors from an artefact. Raises ScanEmpty, NotFound, RegistrationError, WorkersBusy."""

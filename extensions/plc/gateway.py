@@ -13,7 +13,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import CalibrationError, DocumentError
 from daemon.access.actor_names import PLC_CLIENT
-from daemon.drift.cell_cameras import CellCamera, CellCameras
+from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import DaemonError, NoCalibration, NotFound, RunOver, StopUnconfirmed, StorageError
 from daemon.model.records import RunRecord
 from daemon.model.requests import CalibrateRequest, ScanRequest, VerifyRequest
@@ -104,7 +104,7 @@ DRIFT = {
 class PlcGateway:
     """Owns the handshake's state. All events go through `_take`, which never awaits: register images are consistent."""
 
-    cameras: CellCameras
+    cameras: tuple[CellCamera, ...]
     clock: Clock
     rules: Rules
     _state: Handshake = field(init=False)
@@ -122,13 +122,13 @@ class PlcGateway:
     @property
     def operations(self) -> Operations:
         """Of [camera], and all that no camera has a part in."""
-        return self.cameras.main.operations
+        return self.cameras[0].operations
 
     def _camera(self, number: int) -> CellCamera:
         """The camera of that number in the settings. Raises NotFound."""
-        if number >= len(self.cameras.cameras):
-            raise NotFound(f"there is no camera {number}", f"the settings have {len(self.cameras.cameras) - 1} further")
-        return self.cameras.cameras[number]
+        if number >= len(self.cameras):
+            raise NotFound(f"there is no camera {number}", f"the settings have {len(self.cameras) - 1} further")
+        return self.cameras[number]
 
     def bank(self, client: str, may_write: bool, *, repeated: bool = False) -> PlcBank:
         """`repeated`: for older requests that come again after newer ones: of what they write only abort counts."""
@@ -301,7 +301,7 @@ class PlcGateway:
 
     async def _read_cell(self) -> CellStatus:
         number = self._state.input("camera_wanted")
-        camera = self.cameras.cameras[number] if number < len(self.cameras.cameras) else self.cameras.main
+        camera = self.cameras[number] if number < len(self.cameras) else self.cameras[0]
         busy = self.operations.supervisor.in_progress is not None
         obstacles = () if busy else await camera.operations.cell.obstacles()
         report = camera.drift.report

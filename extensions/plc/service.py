@@ -4,7 +4,7 @@ import random
 from collections.abc import Iterator
 
 from daemon.config.plc_settings import PlcSettings
-from daemon.drift.cell_cameras import CellCameras
+from daemon.drift.cell_cameras import CellCamera
 from daemon.http.listen_socket import open_listener
 from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Metric
@@ -20,7 +20,7 @@ IDENTIFICATION = Identification("handeyed", "handeyed", VERSION, name="eye-in-ha
 class PlcService:
     """Background service that runs as long as the settings name this PLC."""
 
-    def __init__(self, settings: PlcSettings, cameras: CellCameras, clock: Clock) -> None:
+    def __init__(self, settings: PlcSettings, cameras: tuple[CellCamera, ...], clock: Clock) -> None:
         """Bind the port; connections are accepted after `start`. Raises PortTaken."""
         rules = Rules(settings.word_order, settings.motion, settings.heartbeat_limit_s or None)
         self.gateway = gateway = PlcGateway(cameras, clock, rules)

@@ -32,7 +32,7 @@ async def test_tolerance_and_log_level_are_taken_over_and_the_file_is_then_the_d
         settings = await shown(bench)
         assert (settings["calibration"]["tolerance_mm"], settings["server"]["log_level"]) == (0.5, "warning")
         assert logging.getLogger().level == logging.WARNING
-        assert bench.application.cameras.main.operations.settings.calibration.tolerance_mm == 0.5
+        assert bench.application.cameras[0].operations.settings.calibration.tolerance_mm == 0.5
         assert bench.application.settings_file == load_settings_file(file)[1]
 
 
@@ -49,7 +49,7 @@ async def test_a_fragment_is_taken_over_and_the_hash_of_about_covers_it(file: Pa
 
 
 def limits_of(bench: Bench) -> ExposureLimits | None:
-    control = bench.application.cameras.main.operations.cell.exposure
+    control = bench.application.cameras[0].operations.cell.exposure
     return None if control is None else control.limits
 
 

@@ -162,7 +162,7 @@ class LiveFeed:
         await self._read_robot(now_s, FAST_S if fast else BEAT_S)
         if now_s - self._readiness_at_s >= 0.99 * BEAT_S:
             self._readiness_at_s = now_s
-            main, *further = [(camera.name, await self._readiness_of(camera)) for camera in self._app.cameras.cameras]
+            main, *further = [(camera.name, await self._readiness_of(camera)) for camera in self._app.cameras]
             self._ready = main[1]
             self._ready_of = f"{{{','.join(f'{json_of(name)}:{text}' for name, text in further)}}}"
         await self._look_at_target(run)
@@ -200,7 +200,7 @@ class LiveFeed:
             self._look_text = "null"
             return
         if self._looking is None:
-            self._looking = asyncio.create_task(self._app.cameras.main.looks.read())
+            self._looking = asyncio.create_task(self._app.cameras[0].looks.read())
         await asyncio.wait([self._looking], timeout=0)
         if self._looking.done():
             looking, self._looking = self._looking, None

@@ -143,7 +143,7 @@ async def _pages(app: Application) -> dict[str, str]:
         "/health": health(app),
         "/devices": list_devices(),
         "/metrics": metrics(app),
-        **{f"/ready-{camera.name}": readiness(app, camera) for camera in app.cameras.cameras},
+        **{f"/ready-{camera.name}": readiness(app, camera) for camera in app.cameras},
     }
     return {path: await _text_of(answer) for path, answer in asked.items()}
 

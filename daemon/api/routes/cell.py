@@ -183,7 +183,7 @@ async def check_devices(app: Application) -> list[CheckResult]:
     """One result for each thing that was looked at. Raises CellBusy while a run works."""
     if (run := app.supervisor.in_progress) is not None:
         raise CellBusy(Sentence("holder-run", run=run.id))
-    results = [_storage(app), await _robot(app), *[await _camera(app, camera) for camera in app.cameras.cameras]]
+    results = [_storage(app), await _robot(app), *[await _camera(app, camera) for camera in app.cameras]]
     if app.settings.interlocks is not None:
         results.append(await _interlocks(app))
     links = {state.name: state for state in app.device_watch.states()}

@@ -49,7 +49,7 @@ class Bench:
 
     def outputs(self, **settings: float) -> CaptureOutputs:
         switch: Any = self
-        return CaptureOutputs(switch, OutputSettings(**settings), switch)
+        return CaptureOutputs(switch.switch_output, OutputSettings(**settings), switch)
 
 
 async def test_the_light_shines_before_the_frame_and_not_after_it() -> None:

@@ -209,7 +209,7 @@ async def test_a_frame_of_a_run_is_not_given_to_those_who_ask_later() -> None:
 @pytest.mark.parametrize("path", ["/robot", "/camera/frame.png", "/ready", "/calibrate"])
 async def test_many_requests_cost_a_device_few_readings(bench: Bench, path: str) -> None:
     readings = bench.application.readings
-    main = bench.application.cameras.main
+    main = bench.application.cameras[0]
     for shared in (readings.robot, main.pictures.frame, main.obstacles):
         shared._monotonic_s = lambda: 0.0  # nothing becomes old
     await bench.application.cell.safe_stop.stop()  # it reads by itself
