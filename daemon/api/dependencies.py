@@ -3,7 +3,7 @@
 import json
 import pathlib
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Any, Generic, TypeVar
@@ -22,6 +22,7 @@ from calibration.documents.validation import (
 )
 from calibration.errors import DocumentProblem
 from daemon.api.http_errors import BodyMalformed, InvalidRequest
+from daemon.api.negotiation import or_text
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import Row, documents_of, page_json
 from daemon.application import Application
@@ -236,6 +237,22 @@ def api_router(prefix: str = "", *, tags: Sequence[str] = (), include_in_schema:
         responses=problem_responses(422, 500),
         generate_unique_id_function=operation_name,
     )
+
+
+def made(model: Any, *refusals: int) -> dict[str, Any]:
+    """What a route declares that answers `model` of what it has made, with its Location, or one of the refusals."""
+    return {"response_model": model, "status_code": 201, "responses": problem_responses(*refusals)}
+
+
+def in_words(model: Any, about_text: str, *refusals: int) -> dict[str, Any]:
+    """What a route declares that answers `model`, or text where Accept prefers that, or one of the refusals."""
+    return {"response_model": model, "responses": {200: or_text(about_text), **problem_responses(*refusals)}}
+
+
+def in_content(about: str, content: Mapping[str, Any], *refusals: int) -> dict[str, Any]:
+    """What a route declares that answers content by its media type, and no document, or one of the refusals."""
+    answers = {200: {"description": about, "content": content}, **problem_responses(*refusals)}
+    return {"response_class": Response, "responses": answers}
 
 
 NAMES: dict[str, str] = json.loads(pathlib.Path(__file__).with_name("operation_names.json").read_text("utf-8"))

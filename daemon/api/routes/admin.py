@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import Depends, Query, Request, Response
 from pydantic import BaseModel, RootModel
 
-from daemon.api.dependencies import IN_WHOLE_DIGITS, App, JsonBody, Limit, api_router, respond_page
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App, JsonBody, Limit, api_router, in_content, made, respond_page
 from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
 from daemon.api.routes.cell import devices
@@ -34,9 +34,7 @@ from drivers.errors import DeviceError
 router = api_router(tags=["access"])
 
 
-@router.post(
-    "/setup", response_model=NewKeyDocument, status_code=201, responses=problem_responses(400, 403, 409, 413, 500, 507)
-)
+@router.post("/setup", **made(NewKeyDocument, 400, 403, 409, 413, 500, 507))
 async def setup(
     request: Request, app: App, body: Annotated[SetupRequest, Depends(JsonBody(SetupRequest))]
 ) -> NewKeyDocument:
@@ -106,14 +104,7 @@ async def about(app: App) -> Response:
 GZIP = "application/gzip"
 
 
-@router.post(
-    "/support-bundle",
-    response_class=Response,
-    responses={
-        200: {"description": "A .tar.gz", "content": {GZIP: BINARY}},
-        **problem_responses(400, 403, 413, 415, 429, 500),
-    },
-)
+@router.post("/support-bundle", **in_content("A .tar.gz", {GZIP: BINARY}, 400, 403, 413, 415, 429, 500))
 async def support_bundle(
     app: App, body: Annotated[SupportBundleRequest, Depends(JsonBody(SupportBundleRequest))]
 ) -> Response:

@@ -14,11 +14,12 @@ from daemon.api.dependencies import (
     Wait,
     WithCamera,
     api_router,
+    in_words,
     respond_page,
     respond_rows,
 )
 from daemon.api.middleware.disconnects import client_of
-from daemon.api.negotiation import or_text, respond
+from daemon.api.negotiation import respond
 from daemon.api.plain_text import status_text
 from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
@@ -49,9 +50,7 @@ HOW_TO_START = (
 )
 
 
-@router.get(
-    "/calibrate", response_model=CalibrateStatus, responses={200: or_text("In words"), **problem_responses(404)}
-)
+@router.get("/calibrate", **in_words(CalibrateStatus, "In words", 404))
 async def calibrate_status(request: Request, app: App, camera: WithCamera) -> Response:
     """Where calibration stands and how to start. Never moves anything."""
     status = await _status(app, camera)

@@ -28,6 +28,8 @@ from daemon.api.dependencies import (
     WithCamera,
     api_router,
     box_of,
+    in_words,
+    made,
     respond_rows,
 )
 from daemon.api.http_errors import InvalidRequest
@@ -115,12 +117,7 @@ async def _as_in_force(app: Application, listing: CalibrationListing) -> Calibra
     return replace(listing, accuracy=await app.operations.calibrations.accuracy(document))
 
 
-@router.post(
-    "",
-    response_model=CalibrationDocument,
-    status_code=201,
-    responses=problem_responses(400, 409, 413, 422, 429, 500, 507),
-)
+@router.post("", **made(CalibrationDocument, 400, 409, 413, 422, 429, 500, 507))
 async def solve(
     app: App, body: Annotated[ObservationsRequest, Depends(JsonBody(ObservationsRequest, MAX_SESSION_VALUES))]
 ) -> Response:
@@ -153,22 +150,14 @@ async def current(request: Request, app: App, camera: WithCamera, if_none_match:
     return respond(request, document, lambda: summary(title, record.document), headers={"ETag": tag})
 
 
-@router.get(
-    "/{calibration_id}",
-    response_model=CalibrationDocument,
-    responses={200: or_text("In words"), **problem_responses(404)},
-)
+@router.get("/{calibration_id}", **in_words(CalibrationDocument, "In words", 404))
 async def calibration(request: Request, app: App, calibration_id: Identifier) -> Response:
     """calibration.json."""
     document = (await app.store.calibration(calibration_id)).document
     return respond(request, document, lambda: summary(f"calibration {document.id}", document))
 
 
-@router.get(
-    "/{calibration_id}/arm",
-    response_model=ArmErrorsDocument,
-    responses={200: or_text("In words"), **problem_responses(404, 409)},
-)
+@router.get("/{calibration_id}/arm", **in_words(ArmErrorsDocument, "In words", 404, 409))
 async def arm(request: Request, app: App, calibration_id: Identifier) -> Response:
     """arm.json: the errors of the arm that were identified with this calibration, active with it. "current" is the
     active one."""
@@ -176,11 +165,7 @@ async def arm(request: Request, app: App, calibration_id: Identifier) -> Respons
     return respond(request, found, lambda: arm_summary(found))
 
 
-@router.get(
-    "/{calibration_id}/arm/field",
-    response_model=ArmFieldDocument,
-    responses={200: or_text("In words"), **problem_responses(404, 409, 422, 503)},
-)
+@router.get("/{calibration_id}/arm/field", **in_words(ArmFieldDocument, "In words", 404, 409, 422, 503))
 async def error_field(
     request: Request, app: App, calibration_id: Identifier, steps: Steps = 5, box: FieldBox = None
 ) -> Response:
@@ -192,11 +177,7 @@ async def error_field(
     return respond(request, found, lambda: arm_field_text(found))
 
 
-@router.get(
-    "/{calibration_id}/compare",
-    response_model=ComparisonDocument,
-    responses={200: or_text("In words"), **problem_responses(404, 409)},
-)
+@router.get("/{calibration_id}/compare", **in_words(ComparisonDocument, "In words", 404, 409))
 async def compare_with(
     request: Request, app: App, calibration_id: Identifier, other: With, false_alarm_probability: FalseAlarm = 0.01
 ) -> Response:
@@ -207,12 +188,7 @@ async def compare_with(
     return respond(request, found, lambda: comparison_text(found))
 
 
-@router.post(
-    "/{calibration_id}/solve",
-    response_model=CalibrationDocument,
-    status_code=201,
-    responses=problem_responses(400, 404, 409, 413, 422, 429, 500, 507),
-)
+@router.post("/{calibration_id}/solve", **made(CalibrationDocument, 400, 404, 409, 413, 422, 429, 500, 507))
 async def solve_again(
     app: App, calibration_id: Identifier, body: Annotated[SolveRequest, Depends(JsonBody(SolveRequest))]
 ) -> Response:

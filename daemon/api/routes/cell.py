@@ -1,12 +1,14 @@
 """The cell's devices: /robot, /arm, /devices, /check and the camera's pictures."""
 
+from typing import Any
+
 from fastapi import Depends, Request, Response
 
 from calibration.documents.calibration import SentenceDocument
 from calibration.sentences.sentence import Sentence
-from daemon.api.dependencies import App, WidthQuery, WithCamera, api_router, no_body
+from daemon.api.dependencies import App, WidthQuery, WithCamera, api_router, in_content, in_words, no_body
 from daemon.api.live.picture_stream import STREAM, StreamedPictures, working_run
-from daemon.api.negotiation import PICTURE_TYPES, choose_picture_type, or_text, respond
+from daemon.api.negotiation import PICTURE_TYPES, choose_picture_type, respond
 from daemon.api.plain_text import robot_text
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.cell import (
@@ -35,9 +37,7 @@ from drivers.interfaces import CaptureSettings
 router = api_router(tags=["cell"])
 
 
-@router.get(
-    "/robot", response_model=RobotDocument, responses={200: or_text("The robot"), **problem_responses(502, 503, 504)}
-)
+@router.get("/robot", **in_words(RobotDocument, "The robot", 502, 503, 504))
 async def robot(request: Request, app: App) -> Response:
     """The pose of the arm, and the status of the controller, of at most the last 0.1 s."""
     documents: RobotDocuments = request.app.state.robot_documents
@@ -93,14 +93,10 @@ async def check(app: App) -> CheckList:
     return CheckList(results=results)
 
 
-PICTURES = {"description": "A picture", "content": {media_type: {} for media_type in PICTURE_TYPES}}
+PICTURES: tuple[str, dict[str, Any]] = "A picture", {media_type: {} for media_type in PICTURE_TYPES}
 
 
-@router.get(
-    "/camera/frame",
-    response_class=Response,
-    responses={200: PICTURES, **problem_responses(404, 406, 409, 502, 503, 504)},
-)
+@router.get("/camera/frame", **in_content(*PICTURES, 404, 406, 409, 502, 503, 504))
 async def camera_picture(request: Request, app: App, camera: WithCamera, width: WidthQuery = None) -> Response:
     """What the camera sees, as Accept prefers: one grab for all who ask within 0.5 s.
 
@@ -111,12 +107,7 @@ async def camera_picture(request: Request, app: App, camera: WithCamera, width: 
     return await _picture(app, camera, choose_picture_type(request), width, {"Vary": "Accept"})
 
 
-@router.get(
-    "/camera/frame.png",
-    response_class=Response,
-    responses={200: {"description": "What the camera sees now", "content": {"image/png": {}}},
-               **problem_responses(404, 409, 502, 503, 504)},
-)  # fmt: skip
+@router.get("/camera/frame.png", **in_content("What the camera sees now", {"image/png": {}}, 404, 409, 502, 503, 504))
 async def camera_frame(app: App, camera: WithCamera) -> Response:
     """The same as PNG, in the camera's own size, whatever Accept says."""
     return await _picture(app, camera, "image/png", None, {})
@@ -146,11 +137,7 @@ def _capture_headers(capture: CaptureSettings | None) -> dict[str, str]:
     return {f"Handeyed-{name}": f"{value:g}" for name, value in values.items() if value is not None}
 
 
-@router.get(
-    "/camera/stream",
-    response_class=Response,
-    responses={200: {"description": "Pictures", "content": {STREAM: {}}}, **problem_responses(404, 503)},
-)
+@router.get("/camera/stream", **in_content("Pictures", {STREAM: {}}, 404, 503))
 async def camera_stream(request: Request, camera: WithCamera, width: WidthQuery = 480) -> Response:
     """JPEG pictures as they come, for `<img>` or fetch: up to ten a second while they change, else two.
 

@@ -5,10 +5,9 @@ from typing import Annotated
 from fastapi import Query, Request, Response
 from pydantic import RootModel
 
-from daemon.api.dependencies import IN_WHOLE_DIGITS, App, WithCamera, api_router
-from daemon.api.negotiation import or_text, respond
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App, WithCamera, api_router, in_words
+from daemon.api.negotiation import respond
 from daemon.api.plain_text import drift_text
-from daemon.api.problems import problem_responses
 from daemon.api.schemas.drift import DriftDocument
 from daemon.drift.samples import MAX_VERIFICATIONS
 
@@ -17,9 +16,7 @@ MAX_CHECKS = 100
 router = api_router(tags=["calibrate"])
 
 
-@router.get(
-    "/drift", response_model=DriftDocument, responses={200: or_text("The chart"), **problem_responses(404, 507)}
-)
+@router.get("/drift", **in_words(DriftDocument, "The chart", 404, 507))
 async def drift(
     request: Request,
     app: App,

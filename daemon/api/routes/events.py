@@ -9,9 +9,8 @@ from fastapi import Header, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
-from daemon.api.dependencies import App, api_router
+from daemon.api.dependencies import App, api_router, in_content
 from daemon.api.live.live_feed import Listener, LiveFeed
-from daemon.api.problems import problem_responses
 from daemon.runtime.event_bus import EventBus
 
 router = api_router(tags=["events"])
@@ -20,11 +19,7 @@ KEEPALIVE_S = 15.0
 """A comment is sent after this long without an event, so that both ends detect a broken connection."""
 
 
-@router.get(
-    "/events",
-    response_class=Response,
-    responses={200: {"description": "Events with ids", "content": {"text/event-stream": {}}}},
-)
+@router.get("/events", **in_content("Events with ids", {"text/event-stream": {}}))
 async def events(app: App, last_event_id: Annotated[str, Header(max_length=32, pattern=r"^[0-9]*$")] = "") -> Response:
     """Events from now on; with Last-Event-ID also those after it. Ends when the daemon stops.
 
@@ -47,12 +42,7 @@ async def _stream(events: EventBus, after: int) -> AsyncIterator[str]:
         await asyncio.sleep(0)  # lets a disconnect be noticed between two events
 
 
-@router.get(
-    "/live",
-    response_class=Response,
-    responses={200: {"description": "Events `live` without ids", "content": {"text/event-stream": {}}},
-               **problem_responses(503)},
-)  # fmt: skip
+@router.get("/live", **in_content("Events `live` without ids", {"text/event-stream": {}}, 503))
 async def live(request: Request) -> Response:
     """The cell now: `robot`, `run` in progress, `devices`, `ready`, `holder`, `software`, each null if unknown; `look`
     at the target, while a run waits for its operator; `ready_of` has each further camera's readiness by its name.

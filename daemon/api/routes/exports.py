@@ -17,7 +17,7 @@ from calibration.documents.exports.subject import (
 from calibration.documents.session import SessionDocument
 from calibration.documents.validation import parse_document
 from calibration.kinematics.abb_arms import find_arm
-from daemon.api.dependencies import IN_WHOLE_DIGITS, App, Identifier, api_router
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App, Identifier, api_router, in_content
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.calibrations import ExportDocument, ExportList
 from daemon.application import Application
@@ -46,11 +46,7 @@ async def exports(app: App, calibration_id: Identifier) -> ExportList:
 
 @router.get(
     "/{calibration_id}/exports/{export_format}",
-    response_class=Response,
-    responses={
-        200: {"description": "The file", "content": {each.media_type: {} for each in EVERY.values()}},
-        **problem_responses(404, 409),
-    },
+    **in_content("The file", {each.media_type: {} for each in EVERY.values()}, 404, 409),
 )
 async def exported(
     app: App,

@@ -5,7 +5,7 @@ from typing import get_args
 from fastapi import Request, Response
 
 from calibration.errors import DocumentError
-from daemon.api.dependencies import App, CameraName, ScannerName, api_router
+from daemon.api.dependencies import App, CameraName, ScannerName, api_router, in_content
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import ready_text
 from daemon.api.problems import problem_responses
@@ -53,11 +53,7 @@ async def ready(request: Request, app: App, camera: CameraName = None, scanner: 
     return respond(request, document, lambda: ready_text(document), 200 if document.ready else 503)
 
 
-@router.get(
-    "/metrics",
-    response_class=Response,
-    responses={200: {"description": "Prometheus text", "content": {"text/plain": {}}}},
-)
+@router.get("/metrics", **in_content("Prometheus text", {"text/plain": {}}))
 async def metrics(app: App) -> Response:
     """Metrics in Prometheus' text format."""
     connected: dict[Labels, float] = {

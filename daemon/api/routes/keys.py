@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import Depends, Response
+from fastapi import Depends
 
 from daemon.access.keys import KeyRecord
 from daemon.access.roles import ROLES
@@ -27,9 +27,7 @@ async def keys(app: App) -> KeyList:
 
 
 @router.post("", response_model=NewKeyDocument, status_code=201, responses=REFUSALS)
-async def add(
-    app: App, response: Response, body: Annotated[NewKeyRequest, Depends(JsonBody(NewKeyRequest))]
-) -> NewKeyDocument:
+async def add(app: App, body: Annotated[NewKeyRequest, Depends(JsonBody(NewKeyRequest))]) -> NewKeyDocument:
     """A new key. It is shown this once."""
     made = await app.key_service.add(body.name, ROLES[body.role], current_audit_context(), body.days)
     return _made(app, "added", *made)

@@ -6,8 +6,7 @@ from fastapi import Query, Request, Response
 
 from calibration.errors import DocumentError
 from calibration.transforms import Array
-from daemon.api.dependencies import App, api_router
-from daemon.api.problems import problem_responses
+from daemon.api.dependencies import App, api_router, in_content
 from daemon.api.streaming.cloud_request import (
     CLOUD_CONTENT,
     TAKES_A_CLOUD,
@@ -33,11 +32,8 @@ Which = Annotated[str, Query(max_length=64, description="'current', or a calibra
 
 
 @router.post(
-    "/register",
-    response_class=Response,
-    openapi_extra=TAKES_A_CLOUD,
-    responses={200: {"description": "The cloud in the base frame, mm", "content": CLOUD_CONTENT},
-               **problem_responses(403, 404, 409, 413, 415, 422, 502, 503, 504, 507)},
+    "/register", openapi_extra=TAKES_A_CLOUD,
+    **in_content("The cloud in the base frame, mm", CLOUD_CONTENT, 403, 404, 409, 413, 415, 422, 502, 503, 504, 507),
 )  # fmt: skip
 async def register(
     request: Request,

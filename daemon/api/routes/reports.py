@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from calibration.documents.calibration import CalibrationDocument
 from calibration.sentences.sentence import LANGUAGES, LanguageTag, Sentence
 from calibration.targets import Target
-from daemon.api.dependencies import App, Identifier, WidthQuery, WithCamera, api_router
+from daemon.api.dependencies import App, Identifier, WidthQuery, WithCamera, api_router, in_content
 from daemon.api.negotiation import choose_picture_type, media_ranges, weighted_values
-from daemon.api.problems import problem_responses
 from daemon.api.routes.cell import PICTURES
 from daemon.api.routes.scans import calibration_of_scan
 from daemon.application import Application
@@ -103,11 +102,8 @@ WithReader = Annotated[Reader, Depends(_reader)]
 
 def _report(path: str, tag: str, *refusals: int) -> Callable[[Route], Route]:
     """The route of a report: one file as HTML or PDF, or one of these refusals."""
-    answers: dict[int | str, dict[str, Any]] = {
-        200: {"description": "The report, one file without a script", "content": {HTML: {}, PDF: {}}},
-        **problem_responses(*refusals),
-    }
-    return router.get(path, tags=[tag], response_class=Response, responses=answers)
+    about = "The report, one file without a script"
+    return router.get(path, tags=[tag], **in_content(about, {HTML: {}, PDF: {}}, *refusals))
 
 
 @_report("/calibrations/{calibration_id}/report", "calibrations", 404, 406, 409, 429)
@@ -209,12 +205,7 @@ async def report_scan(app: App, scan_id: Identifier, reader: WithReader, form: F
     return await reader.answer(report, form)
 
 
-@router.get(
-    "/scans/{scan_id}/picture",
-    tags=["scans"],
-    response_class=Response,
-    responses={200: PICTURES, **problem_responses(404, 406, 409, 413, 415, 429, 500, 507)},
-)
+@router.get("/scans/{scan_id}/picture", tags=["scans"], **in_content(*PICTURES, 404, 406, 409, 413, 415, 429, 500, 507))
 async def picture_scan(
     request: Request, app: App, scan_id: Identifier, side: Side = "front", width: WidthQuery = None
 ) -> Response:

@@ -16,6 +16,8 @@ from daemon.api.dependencies import (
     Wait,
     WidthQuery,
     api_router,
+    in_content,
+    in_words,
     no_body,
     respond_page,
     respond_rows,
@@ -46,6 +48,7 @@ STARTED = {200: or_text("The finished run, when `wait` was long enough"),
                  "headers": {"Location": {"schema": {"type": "string"}},
                              "Retry-After": {"schema": {"type": "integer"}}}},
            **problem_responses(400, 403, 404, 409, 413, 422, 500, 502, 503, 504, 507)}  # fmt: skip
+BY_HAND = (400, 404, 409, 422, 500, 502, 503, 504, 507)
 FINISHING = {status: answer for status, answer in STARTED.items() if status not in (400, 403, 413)}
 
 
@@ -65,17 +68,13 @@ async def runs(
     return await respond_rows(app, found, limit, "/runs", RunDocument.of, filters)
 
 
-@router.get("/{run_id}", response_model=RunDocument, responses={200: or_text("The run"), **problem_responses(404)})
+@router.get("/{run_id}", **in_words(RunDocument, "The run", 404))
 async def run(request: Request, app: App, run_id: Identifier, wait: Wait = 0.0) -> Response:
     """The state of a run; with `wait` answered when it is over."""
     return await answer_run(request, app, await wait_for_run(request, app, run_id, wait))
 
 
-@router.post(
-    "/{run_id}/abort",
-    response_model=RunDocument,
-    responses={200: or_text("Stopped"), **problem_responses(404, 409, 502)},
-)
+@router.post("/{run_id}/abort", **in_words(RunDocument, "Stopped", 404, 409, 502))
 async def abort(request: Request, app: App, run_id: Identifier) -> Response:
     """Stop the run. 200: the controller has confirmed that the arm is stopped and disarmed.
 
@@ -86,10 +85,7 @@ async def abort(request: Request, app: App, run_id: Identifier) -> Response:
 
 
 @router.post(
-    "/{run_id}/stations",
-    response_model=RunDocument,
-    dependencies=[Depends(no_body)],
-    responses={200: or_text("The view is taken"), **problem_responses(400, 404, 409, 422, 500, 502, 503, 504, 507)},
+    "/{run_id}/stations", dependencies=[Depends(no_body)], **in_words(RunDocument, "The view is taken", *BY_HAND)
 )
 async def station(request: Request, app: App, run_id: Identifier) -> Response:
     """Of a manual run: take one view from where the operator has jogged the arm to, and say where to go next.
@@ -100,11 +96,7 @@ async def station(request: Request, app: App, run_id: Identifier) -> Response:
     return await answer_run(request, app, await app.operations.submit_request(run_id, "a view"))
 
 
-@router.post(
-    "/{run_id}/jog",
-    response_model=RunDocument,
-    responses={200: or_text("The arm stands"), **problem_responses(400, 404, 409, 422, 500, 502, 503, 504, 507)},
-)
+@router.post("/{run_id}/jog", **in_words(RunDocument, "The arm stands", *BY_HAND))
 async def jog_in_run(request: Request, app: App, run_id: Identifier, body: JogBody) -> Response:
     """Of a manual run: move the arm as with POST /robot/jog, between two views; answered when it stands.
 
@@ -149,9 +141,7 @@ async def views(app: App, run_id: Identifier) -> Response:
     return await respond_page(app, as_json)
 
 
-@router.get(
-    "/{run_id}/frames/{k}", response_class=Response, responses={200: PICTURES, **problem_responses(404, 406, 502)}
-)
+@router.get("/{run_id}/frames/{k}", **in_content(*PICTURES, 404, 406, 502))
 async def frame(
     request: Request,
     app: App,

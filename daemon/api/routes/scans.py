@@ -22,6 +22,7 @@ from daemon.api.dependencies import (
     Wait,
     api_router,
     box_of,
+    in_content,
     respond_rows,
 )
 from daemon.api.http_errors import CloudTooLarge
@@ -142,6 +143,7 @@ Strays = Annotated[Outliers, Query(description="leave out averaged points that s
 SurfaceView = Annotated[int, Query(ge=0, description="which view, from 0"), IN_WHOLE_DIGITS]
 SurfaceVoxel = Annotated[float, Query(gt=0, le=1e4, description="edge of the cubes"), IN_DIGITS]
 OCTETS = "application/octet-stream"
+SURFACE = "float32 x, y, z, deviation, nx, ny, nz of each point, little-endian, mm"
 BOX = "only points within this box of the base, mm: least x, y, z, largest x, y, z, with commas"
 MOST = "double the edge of the cubes until there are no more points than these; needs voxel_mm"
 MostPoints = Annotated[int | None, Query(ge=8, le=4_000_000, description=MOST), IN_WHOLE_DIGITS]
@@ -220,13 +222,7 @@ async def cloud(
     return Response(content, media_type=JSON, headers=headers)
 
 
-@router.get(
-    "/{scan_id}/surface",
-    response_class=Response,
-    responses={200: {"description": "float32 x, y, z, deviation, nx, ny, nz of each point, little-endian, mm",
-                     "content": {OCTETS: BINARY}},
-               **problem_responses(404, 409, 415, 429, 500)},
-)  # fmt: skip
+@router.get("/{scan_id}/surface", **in_content(SURFACE, {OCTETS: BINARY}, 404, 409, 415, 429, 500))
 async def surface(
     app: App, scan_id: Identifier, view: SurfaceView, voxel_mm: SurfaceVoxel, calibration: Which = "current",
     box: BoxQuery = None,

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from calibration.documents.target_text import target_of_text
 from calibration.documents.validation import Document
-from daemon.api.dependencies import App, JsonBody, api_router
+from daemon.api.dependencies import App, JsonBody, api_router, in_content
 from daemon.api.problems import problem_responses
 from daemon.application import Application
 from daemon.errors import AnswerRefused, SetupConflict, StorageError
@@ -124,11 +124,7 @@ async def read_answers(app: App, body: Annotated[SetupSettings, Depends(JsonBody
     return await asyncio.to_thread(_read, app, body.settings)
 
 
-@router.get(
-    "/target.pdf",
-    response_class=Response,
-    responses={200: {"description": "One page", "content": {"application/pdf": {}}}, **problem_responses(403, 422)},
-)
+@router.get("/target.pdf", **in_content("One page", {"application/pdf": {}}, 403, 422))
 async def print_target(
     target: Annotated[str, Query(max_length=200, description="as charuco:12x9:20:15:DICT_5X5_100, in mm")],
     page: Annotated[
