@@ -1,4 +1,4 @@
-"""The running daemon: starts and stops its services in order."""
+"""The running daemon: its cameras, and its services, which it starts and stops in order."""
 
 import asyncio
 import logging
@@ -14,7 +14,7 @@ from daemon.cell.cell import Cell
 from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings, SettingsFile
-from daemon.drift.cell_cameras import CellCamera
+from daemon.drift.monitor import DriftMonitor
 from daemon.errors import NotFound, NotInstalled, StorageError
 from daemon.http.listen_socket import late_addresses
 from daemon.operations import Operations
@@ -24,14 +24,34 @@ from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import RecentLog
 from daemon.runtime.loop_monitor import EventLoopMonitor
 from daemon.runtime.metrics import Metrics
+from daemon.runtime.shared_reading import RecentReading
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.tasks import SectionService, Service, end_task
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
+from daemon.sessions.look import Look
+from daemon.sessions.pictures import LivePictures
 from daemon.store.access_keys import KeyService
 from daemon.store.key_watch import KeyWatch
 from daemon.store.sign_in import SignIn
 from daemon.store.store import Store
+
+
+@dataclass(eq=False)
+class CellCamera:
+    """One camera: its runs, pictures and drift chart. `settings`: with this camera in [camera], replaced by a reload.
+
+    `obstacles`: reasons why a run with robot and this camera could not start now.
+    """
+
+    name: str
+    settings: Settings
+    operations: Operations
+    pictures: LivePictures
+    looks: RecentReading[Look]
+    drift: DriftMonitor
+    obstacles: RecentReading[tuple[str, ...]]
+
 
 log = logging.getLogger(__name__)
 

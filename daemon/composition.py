@@ -14,7 +14,7 @@ import uvloop
 
 from daemon.access.keys import ServiceKey
 from daemon.api.extension import Extensions
-from daemon.application import Application
+from daemon.application import Application, CellCamera
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.cell.cell import Cell, Devices
 from daemon.cell.device_watch import DeviceWatch
@@ -22,7 +22,6 @@ from daemon.cell.devices import open_devices, open_exposure_control
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.readings import CellReadings
 from daemon.config.settings import MAIN_CAMERA, OF_SERVICES, Settings, SettingsFile
-from daemon.drift.cell_cameras import CellCamera
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
 from daemon.operations import Operations, no_further_sensors

@@ -25,8 +25,7 @@ from daemon.api.http_errors import BodyMalformed, InvalidRequest
 from daemon.api.negotiation import or_text
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import Row, documents_of, page_json
-from daemon.application import Application
-from daemon.drift.cell_cameras import CellCamera
+from daemon.application import Application, CellCamera
 from daemon.sessions.pictures import Width
 from daemon.store.damaged_rows import DamagedRow, split_damaged
 from daemon.store.listings import NO_FILTERS, PageFilters
@@ -60,10 +59,9 @@ ScannerName = Annotated[
 ]
 
 
-async def _camera(request: Request, camera: CameraName = None) -> CellCamera:
+async def _camera(app: App, camera: CameraName = None) -> CellCamera:
     """Raises NotFound."""
-    application: Application = request.app.state.application
-    return application.camera(camera)
+    return app.camera(camera)
 
 
 WithCamera = Annotated[CellCamera, Depends(_camera)]

@@ -5,8 +5,7 @@ import numpy as np
 from calibration.documents.calibration import SentenceDocument
 from calibration.sentences.sentence import Sentence
 from daemon.api.schemas.health import Readiness, ReadyDocument
-from daemon.application import Application
-from daemon.drift.cell_cameras import CellCamera
+from daemon.application import Application, CellCamera
 from daemon.errors import NoCalibration, NotFound
 
 

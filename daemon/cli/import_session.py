@@ -61,10 +61,9 @@ def import_session(
     Exit status: 0 written, 2 unreadable, or the data do not decide what the message asks for.
     """
     from calibration.documents.imports.sets import Chosen
-    from daemon.sessions.session_import.report import report
     from daemon.sessions.session_import.request import ImportRequest
     from daemon.sessions.session_import.understand import understand
-    from daemon.sessions.session_import.write import write_session
+    from daemon.sessions.session_import.write import report, write_session
 
     conventions, unit_of_brand = (None, None) if convention is None else _conventions(convention)
     of_camera, camera_unit_of_brand = (None, None) if camera_convention is None else _conventions(camera_convention)

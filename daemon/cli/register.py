@@ -43,8 +43,7 @@ def register(
     Exit status: 0 done, 3 done but not accepted (see the findings), 2 unreadable input.
     """
     from calibration.errors import CalibrationError
-    from daemon.cli.arm_file import read_in_use
-    from daemon.cli.compare import read_calibration
+    from daemon.cli.compare import read_calibration, read_in_use
     from registration.fusion.merging import Merge
     from registration.scan import scanner_mount_of
     from registration.scan_folder import place_views, read_scan, register_scan
@@ -112,8 +111,7 @@ def stitch(
 
     Exit status: 0 measured and within --tolerance-mm, 3 beyond it, 2 unreadable input or no views overlap.
     """
-    from daemon.cli.arm_file import read_in_use
-    from daemon.cli.compare import read_calibration
+    from daemon.cli.compare import read_calibration, read_in_use
     from registration.scan import scanner_mount_of
     from registration.scan_folder import place_views, read_scan, stitch_views
 
@@ -164,14 +162,15 @@ def register_archive(
                 print_error(f"{folder}: {outcome.scan or '.'}: {outcome.error}")
     outcomes.sort(key=lambda each: each.scan)
     typer.echo("\n".join(one.model_dump_json() for one in outcomes) if json else _totals(out, outcomes))
-    raise typer.Exit(_status(outcomes))
+    if any(each.state == "failed" for each in outcomes):
+        raise typer.Exit(ExitStatus.UNREADABLE)
+    raise typer.Exit(ExitStatus.OK if all(each.accepted for each in outcomes) else ExitStatus.NOT_ACCEPTED)
 
 
 def _tasks(
     folder: str, calibration: Path, out: str, arm: Path | None, how: dict[str, Any]
 ) -> "tuple[list[RegistrationTask], FinishedScans]":
-    from daemon.cli.arm_file import read_in_use
-    from daemon.cli.compare import read_calibration
+    from daemon.cli.compare import read_calibration, read_in_use
     from daemon.runtime.bounded_read import read_document
     from daemon.tools.batch_registration.archive_run import FinishedScans
     from daemon.tools.batch_registration.remote_folder import RemoteFolder
@@ -196,9 +195,3 @@ def _totals(out: str, outcomes: "list[OutcomeDocument]") -> str:
     counts = {state: sum(each.state == state for each in outcomes) for state in ("registered", "unchanged", "failed")}
     numbers = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
     return f"{out}: {len(outcomes)} scans ({numbers}), {points:,} points in the base frame, mm"
-
-
-def _status(outcomes: "list[OutcomeDocument]") -> ExitStatus:
-    if any(each.state == "failed" for each in outcomes):
-        return ExitStatus.UNREADABLE
-    return ExitStatus.OK if all(each.accepted for each in outcomes) else ExitStatus.NOT_ACCEPTED

@@ -101,8 +101,8 @@ class DriftSchedule(InBackground):
 
     def _see(self) -> "_Seen":
         cell, supervisor = self.operations.cell, self.operations.supervisor
-        obstacles = supervisor.abort_holds, cell.obstacles_seen
-        return _Seen(*obstacles, cell.last_obstacle, cell.robot.link.connected, cell.robot.link.since_s)
+        obstacles = supervisor.abort_holds, cell.occupancy.obstacles_seen
+        return _Seen(*obstacles, cell.occupancy.last_obstacle, cell.robot.link.connected, cell.robot.link.since_s)
 
     async def _verify(self) -> bool:
         """Start a verification or skip it. Returns True when another run is in progress."""

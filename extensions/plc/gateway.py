@@ -13,7 +13,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import CalibrationError, DocumentError
 from daemon.access.actor_names import PLC_CLIENT
-from daemon.drift.cell_cameras import CellCamera
+from daemon.application import CellCamera
 from daemon.errors import DaemonError, NoCalibration, NotFound, RunOver, StopUnconfirmed, StorageError
 from daemon.model.records import RunRecord
 from daemon.model.requests import CalibrateRequest, ScanRequest, VerifyRequest

@@ -3,8 +3,8 @@
 import random
 from collections.abc import Iterator
 
+from daemon.application import CellCamera
 from daemon.config.plc_settings import PlcSettings
-from daemon.drift.cell_cameras import CellCamera
 from daemon.http.listen_socket import open_listener
 from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Metric

@@ -14,10 +14,9 @@ from daemon.api.http_errors import TooManyListeners
 from daemon.api.readiness import readiness
 from daemon.api.schemas.cell import LookDocument, RobotDocument
 from daemon.api.schemas.runs import RunDocument
-from daemon.application import Application
+from daemon.application import Application, CellCamera
 from daemon.cell.device_watch import DeviceState
 from daemon.cell.readings import RobotReading
-from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import DaemonError
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState

@@ -13,8 +13,7 @@ from starlette.types import Receive, Scope, Send
 from daemon.api.live.live_feed import json_of, require_room
 from daemon.api.problems import problem_of
 from daemon.api.schemas.cell import LookDocument
-from daemon.application import Application
-from daemon.drift.cell_cameras import CellCamera
+from daemon.application import Application, CellCamera
 from daemon.http.problem_details import MEDIA_TYPE
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState

@@ -132,15 +132,9 @@ class Idempotency:
         """Process a new request; the answer is sent only once it is stored."""
         assert context.request is not None
         request, reply = context.request, _Reply(send, held=scope["path"] not in STREAMED_PATHS)
-
-        async def receive_and_hash() -> Message:
-            message = await receive()
-            request.digest.update(message.get("body", b""))
-            return message
-
         try:
             with acting_as(context):
-                await self._app(scope, receive_and_hash, reply.send)
+                await self._app(scope, _hashing(receive, request.digest), reply.send)
         finally:
             await self._remember(request, reply)
         await reply.release()
@@ -158,14 +152,11 @@ class Idempotency:
             log.error("the answer to a request with an Idempotency-Key could not be kept: %s", error)
 
     async def _replay(self, scope: Scope, receive: Receive, send: Send, earlier: StoredRequest) -> None:
-        digest = hashlib.sha256()
         try:
-            async for chunk in body_chunks(receive):
-                digest.update(chunk)
+            async for _ in body_chunks(_hashing(receive, hashlib.sha256(), earlier.body)):
+                pass
         except ClientDisconnect:
             return
-        if digest.hexdigest() != earlier.body:
-            raise KeyReused
         if (effect := earlier.effect or "").startswith("run "):
             request = Request(scope, receive)
             run = await wait_for_run(request, self._application, effect.removeprefix("run "), wait_of(request))
@@ -186,25 +177,31 @@ class Idempotency:
 
     async def _process_again(self, scope: Scope, receive: Receive, send: Send, earlier: StoredRequest) -> None:
         """Process a repeated cloud with the calibration and the pose of the first request."""
-        digest = hashlib.sha256()
         query = dict(parse_qsl(scope["query_string"].decode("latin-1")))
         query["calibration"] = earlier.headers["handeyed-calibration"]
         query["pose"] = earlier.headers["handeyed-pose"]
         scope = {**scope, "query_string": urlencode(query).encode()}
-
-        async def receive_and_hash() -> Message:
-            message = await receive()
-            digest.update(message.get("body", b""))
-            if not message.get("more_body", False) and digest.hexdigest() != earlier.body:
-                raise KeyReused
-            return message
 
         async def send_with_mark(message: Message) -> None:
             if message["type"] == "http.response.start":
                 message = {**message, "headers": [*message["headers"], (REPLAYED.lower().encode(), b"true")]}
             await send(message)
 
-        await self._app(scope, receive_and_hash, send_with_mark)
+        await self._app(scope, _hashing(receive, hashlib.sha256(), earlier.body), send_with_mark)
+
+
+def _hashing(receive: Receive, digest: "hashlib._Hash", expected: str | None = None) -> Receive:
+    """As `receive`, with the body added to the digest. Raises KeyReused at the end of another body than expected."""
+
+    async def receive_and_hash() -> Message:
+        message = await receive()
+        digest.update(message.get("body", b""))
+        ended = message["type"] == "http.request" and not message.get("more_body", False)
+        if ended and expected is not None and digest.hexdigest() != expected:
+            raise KeyReused
+        return message
+
+    return receive_and_hash
 
 
 class _Reply:

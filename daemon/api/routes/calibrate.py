@@ -28,9 +28,8 @@ from daemon.api.schemas.answer import Answer, StoredAnswer
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
 from daemon.api.schemas.cell import ForesightDocument, frame_warning
 from daemon.api.schemas.runs import RunDocument
-from daemon.application import Application
+from daemon.application import Application, CellCamera
 from daemon.config.settings import CalibrationSettings
-from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import NoCalibration
 from daemon.model.requests import CalibrateRequest, VerifyRequest
 from daemon.runs.adaptive_sequence import draw_poses

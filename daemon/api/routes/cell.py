@@ -21,11 +21,10 @@ from daemon.api.schemas.cell import (
     LookDocument,
     RobotDocument,
 )
-from daemon.application import Application
+from daemon.application import Application, CellCamera
 from daemon.cell.cell import motion_obstacles
 from daemon.cell.readings import RobotReading
 from daemon.config.settings import MAIN_CAMERA
-from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import CellBusy, InterlockOpen
 from daemon.model.check_result import CheckResult
 from daemon.sessions.pictures import PictureType, Width, encode_file

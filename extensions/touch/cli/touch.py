@@ -42,8 +42,7 @@ def touch(
     from calibration.documents.touches import TouchesDocument
     from calibration.errors import GeometryError
     from calibration.kinematics.arm import UnreachablePoseError
-    from daemon.cli.arm_file import read_in_use
-    from daemon.cli.compare import read_calibration
+    from daemon.cli.compare import read_calibration, read_in_use
     from daemon.runtime.bounded_read import read_as
     from extensions.touch.mathematics.report import touch_test_text
     from extensions.touch.mathematics.with_arm import touch_test_with_arm
