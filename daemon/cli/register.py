@@ -11,7 +11,7 @@ from daemon.cli.output import ArmErrors, ArmTemperature, Json, Refine, print_err
 
 if TYPE_CHECKING:
     from daemon.tools.batch_registration.archive_run import FinishedScans
-    from daemon.tools.batch_registration.tasks import OutcomeDocument, RegistrationTask
+    from daemon.tools.batch_registration.tasks import RegistrationTask
     from registration.documents import RegistrationReportDocument
     from registration.fusion.merging import Outliers
     from registration.scan_folder import StitchedPairDocument
@@ -161,8 +161,12 @@ def register_archive(
             if outcome.error is not None:
                 print_error(f"{folder}: {outcome.scan or '.'}: {outcome.error}")
     outcomes.sort(key=lambda each: each.scan)
-    typer.echo("\n".join(one.model_dump_json() for one in outcomes) if json else _totals(out, outcomes))
-    if any(each.state == "failed" for each in outcomes):
+    counts = {state: sum(each.state == state for each in outcomes) for state in ("registered", "unchanged", "failed")}
+    numbers = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
+    points = sum(each.points for each in outcomes)
+    totals = f"{out}: {len(outcomes)} scans ({numbers}), {points:,} points in the base frame, mm"
+    typer.echo("\n".join(one.model_dump_json() for one in outcomes) if json else totals)
+    if counts["failed"]:
         raise typer.Exit(ExitStatus.UNREADABLE)
     raise typer.Exit(ExitStatus.OK if all(each.accepted for each in outcomes) else ExitStatus.NOT_ACCEPTED)
 
@@ -188,10 +192,3 @@ def _tasks(
         raise UnreadableInput(folder, f"no folder below holds a {SCAN}", "name another folder")
     tasks = [RegistrationTask(source.url, target.url, scan, content.decode(), arm=errors, **how) for scan in scans]
     return tasks, FinishedScans(target, listed)
-
-
-def _totals(out: str, outcomes: "list[OutcomeDocument]") -> str:
-    points = sum(each.points for each in outcomes)
-    counts = {state: sum(each.state == state for each in outcomes) for state in ("registered", "unchanged", "failed")}
-    numbers = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
-    return f"{out}: {len(outcomes)} scans ({numbers}), {points:,} points in the base frame, mm"

@@ -59,7 +59,7 @@ class Bar:
 def bar_chart(bars: Sequence[Bar], unit: str) -> Chart:
     """One bar each from zero; a rejected one beyond 1.5 times the others is cut off there, its value above it."""
     used = [bar.value for bar in bars if not bar.rejected] or [bar.value for bar in bars]
-    top = _nice(min(max(bar.value for bar in bars), 1.5 * max(used)))
+    top = nice(min(max(bar.value for bar in bars), 1.5 * max(used)))
     step = (WIDTH - LEFT - RIGHT) / len(bars)
     wide, every = min(0.7 * step, 46.0), -(-len(bars) // MAX_LABELS)
     shapes = [*_scale(top, unit)]
@@ -87,7 +87,7 @@ class ChartPoint:
 
 def control_chart(points: Sequence[ChartPoint], unit: str) -> Chart:
     """Values in order, joined by a line, under their dashed limit."""
-    top = _nice(max([point.value for point in points] + [point.limit or 0.0 for point in points]))
+    top = nice(max([point.value for point in points] + [point.limit or 0.0 for point in points]))
     step = (WIDTH - LEFT - RIGHT) / max(len(points) - 1, 1)
     at = [(LEFT + index * step, _y(point.value, top)) for index, point in enumerate(points)]
     limit = [(x, _y(point.limit, top)) for (x, _), point in zip(at, points, strict=True) if point.limit is not None]
@@ -132,7 +132,7 @@ def bubble_map(places: Sequence[tuple[float, float]], values: Sequence[float], l
     def at(place: tuple[float, float]) -> tuple[float, float]:
         return edge + (place[0] - start[0]) * scale, floor - (place[1] - start[1]) * scale
 
-    step = _nice(span / 3)
+    step = nice(span / 3)
     shapes = [_shape("path", "axis", d=f"M{_f(edge)} {_f(floor - span * scale)}V{_f(floor)}H{_f(side)}")]
     for axis in (0, 1):
         for number in range(math.ceil(start[axis] / step), math.floor((start[axis] + span) / step) + 1):
@@ -156,12 +156,12 @@ def _scale(top: float, unit: str) -> list[Shape]:
     return lines
 
 
-def _nice(top: float) -> float:
-    """The next of 1, 2, 3, 4, 5, 6, 8, 10 times a power of ten."""
+def nice(top: float, factors: Sequence[float] = (1, 1.5, 2, 3, 4, 5, 6, 8, 10)) -> float:
+    """The next of the factors times a power of ten; 1 for what is not above zero."""
     if not top > 0 or not math.isfinite(top):
         return 1.0
     power = 10.0 ** math.floor(math.log10(top))
-    return power * next(factor for factor in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if factor * power >= top * (1 - 1e-9))
+    return power * next(factor for factor in factors if factor * power >= top * (1 - 1e-9))
 
 
 def _y(value: float, top: float) -> float:

@@ -1,7 +1,6 @@
 """Pictures of a report: the worst views with the found points, a cloud from three sides, where its views disagree."""
 
 import base64
-import math
 from collections.abc import Callable, Sequence
 
 import cv2
@@ -16,6 +15,7 @@ from calibration.problem import View
 from calibration.solution import Solution, ViewResult
 from calibration.targets import Target
 from calibration.transforms import Array
+from daemon.reports.charts import nice
 from daemon.reports.context import DeviationMap, Picture
 from daemon.tools.session_pictures.overlay import arrow_magnification, draw_view, reason_sentence
 
@@ -133,7 +133,8 @@ def deviation_map(surfaces: Sequence[bytes], record: np.dtype) -> DeviationMap |
     known = np.isfinite(deviation)
     if not known.any():
         return None
-    end_mm = _nice(float(np.quantile(np.abs(deviation[known]), WITHIN)))
+    share_mm = float(np.quantile(np.abs(deviation[known]), WITHIN))
+    end_mm = nice(share_mm, (1, 2, 5, 10)) if share_mm > 0 else 0.1
     places = np.stack([points[axis].astype(float) for axis in AXES], axis=1)
     edges = np.linspace(-end_mm, end_mm, BARS + 1)
     counts = np.histogram(np.clip(deviation[known], -end_mm, end_mm), edges)[0]
@@ -145,14 +146,6 @@ def deviation_map(surfaces: Sequence[bytes], record: np.dtype) -> DeviationMap |
         rms_mm=float(np.sqrt(np.mean(deviation[known] ** 2))),
         alone=float(1 - known.mean()),
     )
-
-
-def _nice(value: float) -> float:
-    """The next of 1, 2, 5 times a power of ten."""
-    if not value > 0:
-        return 0.1
-    power = 10.0 ** math.floor(math.log10(value))
-    return power * next(factor for factor in (1, 2, 5, 10) if factor * power >= value * (1 - 1e-9))
 
 
 def _map_picture(places: Array, deviation: Array, known: Array, end_mm: float) -> Picture:
@@ -173,9 +166,8 @@ def _map_picture(places: Array, deviation: Array, known: Array, end_mm: float) -
     for down, right in SPREAD:
         image[y[inside][order] + down, x[inside][order] + right] = colours
     _, content = cv2.imencode(".png", image)
-    uri = f"data:image/png;base64,{base64.b64encode(content.tobytes()).decode()}"
     caption = {"axis": AXES[thin], "across": AXES[across], "up": AXES[up], "width_mm": wide / scale}
-    return Picture(uri, wide, tall, "scan.map-picture", caption)
+    return Picture(_data("png", content.tobytes()), wide, tall, "scan.map-picture", caption)
 
 
 def _colours(deviation: Array, known: Array, end_mm: float) -> Array:

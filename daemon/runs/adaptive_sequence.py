@@ -207,7 +207,8 @@ class AdaptiveSequence:
         poses: tuple[PlannedPoseDocument, ...] = ()
         if found.planned is not None:
             joints = await self._cell.robot.read_joints() if rules.arm else None
-            poses = await self._workers.run(_with_joints, rules, found.planned, joints)
+            way = found.planned
+            poses = await self._workers.run(lambda: tuple(draw_poses(rules.arm, way, rules.joints_along(way, joints))))
         self._planning = replace(planning, planned_poses=poses, note=note)
         await self._log.advance(state, planning=self._planning, stations=self._stations)
 
@@ -226,12 +227,6 @@ def _plan_from_there(
     (there,) = rules.joints_along(found.base_T_flange[None], joints_now_rad)
     reachable = rules.reachable_from(there, sight)
     return plan_ahead(found, problem, parameters.limits, wish, reachable=reachable)
-
-
-def _with_joints(
-    rules: MotionRules, base_T_flange: Array, joints_now_rad: Array | None
-) -> tuple[PlannedPoseDocument, ...]:
-    return tuple(draw_poses(rules.arm, base_T_flange, rules.joints_along(base_T_flange, joints_now_rad)))
 
 
 def draw_poses(

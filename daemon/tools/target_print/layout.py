@@ -95,9 +95,10 @@ def lay_out(target: PrintedTarget, page: str | None = None) -> Sheet:
     """
     art, title = artwork(target), f"handeyed target: {target.kind}"
     pages = [page] if page else [name for name in PAGES_MM if name.startswith("A")]
-    tall = art.extent.height >= art.extent.width
+    tall, snippet = art.extent.height >= art.extent.width, json_of_target(target)
     for width, height in (sides[::turn] for sides in map(page_mm, pages) for turn in ((1, -1) if tall else (-1, 1))):
-        words = _words(width, title, json_of_target(target))
+        letters, texts = int((width - 2 * UNPRINTABLE_MM) / (0.55 * TEXT_MM)), (f"{title}. {PRINT_NOTE}", snippet)
+        words = [line for text in texts for line in textwrap.wrap(text, letters)]
         room = Box(
             UNPRINTABLE_MM + STRIP_MM,
             UNPRINTABLE_MM,
@@ -142,8 +143,3 @@ def _ruler(x: float, y: float, length: float, across: bool) -> list[Rectangles |
     label = f"{length:g} mm"
     words = TextLine(x + length + 1.5, y, TEXT_MM, label) if across else TextLine(x, y + length + 4, TEXT_MM, label)
     return [Rectangles(tuple(boxes)), words]
-
-
-def _words(width: float, title: str, snippet: str) -> list[str]:
-    letters = int((width - 2 * UNPRINTABLE_MM) / (0.55 * TEXT_MM))
-    return [line for text in (f"{title}. {PRINT_NOTE}", snippet) for line in textwrap.wrap(text, letters)]
