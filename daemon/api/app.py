@@ -7,7 +7,7 @@ from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from calibration.errors import CalibrationError
 from daemon.api import openapi, problems
@@ -35,10 +35,15 @@ ABOUT = (
 
 
 def create_api(app: FastAPI, application: Application) -> ASGIApp:
-    """The REST interface of `application`, which its lifespan stops: `app` behind the middleware."""
+    """The REST interface of `application`, stopped by its lifespan: `app`, for requests behind the middleware."""
     keyed = Idempotency(app, application, app.state.extensions)
     known = Authentication(AbortFirst(keyed, application), application)
-    return RequestChecks(Disconnects(known), application.settings.server, application.metrics)
+    checked = RequestChecks(Disconnects(known), application.settings.server, application.metrics)
+
+    async def api(scope: Scope, receive: Receive, send: Send) -> None:
+        await (checked if scope["type"] == "http" else app)(scope, receive, send)
+
+    return api
 
 
 def routes(application: Application | None, extensions: Extensions = ()) -> FastAPI:

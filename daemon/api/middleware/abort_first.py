@@ -29,7 +29,7 @@ class AbortFirst:
         self._app, self._application = app, application
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        path = ABORT_PATH.fullmatch(scope["path"]) if scope["type"] == "http" and scope["method"] == "POST" else None
+        path = ABORT_PATH.fullmatch(scope["path"]) if scope["method"] == "POST" else None
         if path is not None:
             supervisor, pacing = self._application.supervisor, scope["state"].get(PACING)
             run = supervisor.in_progress

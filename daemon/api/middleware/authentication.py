@@ -46,9 +46,6 @@ class Authentication:
         self._refusals = LogLimit(application.clock.monotonic_s)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
         needed = role_for(scope["method"], scope["path"])
         try:
             caller = await self._caller(scope, needed)

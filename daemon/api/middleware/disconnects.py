@@ -32,9 +32,6 @@ class Disconnects:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
         reads = scope["method"] == "GET"  # HEAD comes as GET
         client = Client(receive, send, discards_body=reads)
         scope.setdefault("state", {})["connection"] = client

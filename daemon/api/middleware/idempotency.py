@@ -95,8 +95,8 @@ class Idempotency:
         self._in_flight: set[tuple[str, str]] = set()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        given = [value for name, value in scope.get("headers", ()) if name == HEADER]
-        if scope["type"] != "http" or scope["method"] != "POST" or not given or NOT_STORED.fullmatch(scope["path"]):
+        given = [value for name, value in scope["headers"] if name == HEADER]
+        if scope["method"] != "POST" or not given or NOT_STORED.fullmatch(scope["path"]):
             await self._app(scope, receive, send)
             return
         try:

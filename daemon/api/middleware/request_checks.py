@@ -64,9 +64,6 @@ class RequestChecks:
         self._hosts = frozenset(name.lower() for name in own)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
         headers = {name: value.decode("latin-1") for name, value in scope["headers"]}
         request_id = _request_id(headers)
         exchange = _Exchange(receive, send, self._limit(scope["path"]), request_id, scope["method"])
