@@ -27,24 +27,8 @@ POLL_S = 0.2
 SCHEDULE = AuditContext(actor=DRIFT_SCHEDULE)
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """What others have seen of the cell: counts that only rise, and the link with the start of its state."""
-
-    abort_holds: int
-    obstacles: int
-    last_obstacle: str
-    connected: bool
-    link_since_s: float
-
-    def since(self, before: "_Seen") -> str:
-        """What has kept the arm from moving since `before`; empty when nothing has."""
-        if self.abort_holds != before.abort_holds:
-            return "a PLC set abort"
-        if self.obstacles != before.obstacles:
-            return self.last_obstacle
-        unlinked = (self.connected, self.link_since_s) != (before.connected, before.link_since_s)
-        return "the link to the robot was interrupted" if unlinked else ""
+Seen = tuple[int, int, tuple[bool, float]]
+"""What others have seen of the cell: aborts held, obstacles, which only rise, and the link, with its state's start."""
 
 
 @dataclass(eq=False)
@@ -63,7 +47,7 @@ class DriftSchedule(InBackground):
     _withdrawn_run: str = field(default="", init=False)
     _withdrawn_because: str = field(default="", init=False)
     _seen_after: str = field(default="", init=False)
-    _seen: "_Seen | None" = field(default=None, init=False)
+    _seen: Seen | None = field(default=None, init=False)
 
     async def start(self) -> None:
         if self.every_s > 0:
@@ -94,15 +78,17 @@ class DriftSchedule(InBackground):
             return
         if self._seen is None or self._seen_after != latest.id:
             self._seen_after, self._seen = latest.id, self._see()
-        missed = self._see().since(self._seen)
-        obstacles = (missed,) if missed else await self.operations.cell.robot_obstacles()
+        cell, changed = self.operations.cell, zip(self._seen, self._see(), strict=True)
+        causes = ("a PLC set abort", cell.occupancy.last_obstacle, "the link to the robot was interrupted")
+        missed = [why for why, (before, now) in zip(causes, changed, strict=True) if before != now]
+        obstacles = missed or await cell.robot_obstacles()
         if obstacles:
             self._withdraw(latest.id, obstacles[0])
 
-    def _see(self) -> "_Seen":
+    def _see(self) -> Seen:
         cell, supervisor = self.operations.cell, self.operations.supervisor
-        obstacles = supervisor.abort_holds, cell.occupancy.obstacles_seen
-        return _Seen(*obstacles, cell.occupancy.last_obstacle, cell.robot.link.connected, cell.robot.link.since_s)
+        link = cell.robot.link.connected, cell.robot.link.since_s
+        return supervisor.abort_holds, cell.occupancy.obstacles_seen, link
 
     async def _verify(self) -> bool:
         """Start a verification or skip it. Returns True when another run is in progress."""
