@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from calibration.sentences.sentence import Sentence
-from daemon.access.keys import ServiceKey
+from daemon.access.service_key import ServiceKey
 from daemon.cell.cell import Cell
 from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings, SettingsFile
 from daemon.drift.monitor import DriftMonitor
 from daemon.errors import NotFound, NotInstalled, StorageError
-from daemon.http.listen_socket import late_addresses
 from daemon.operations import Operations
 from daemon.runs.supervisor import MAX_STEP_S, Supervisor
 from daemon.runtime.clock import Clock
@@ -137,8 +136,7 @@ class Application:
 
     def warnings(self) -> list[str]:
         """Conditions that need attention although work goes on, for GET /ready."""
-        found = (warning for service in self.services for warning in service.warnings())
-        return [*found, *late_addresses(self.settings.listens_at)]
+        return [warning for service in self.services for warning in service.warnings()]
 
     async def start(self) -> None:
         """End runs that the previous process left unfinished, start services and watchdog. Commands no motion."""

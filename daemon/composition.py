@@ -12,7 +12,7 @@ from pathlib import Path
 
 import uvloop
 
-from daemon.access.keys import ServiceKey
+from daemon.access.service_key import ServiceKey
 from daemon.api.extension import Extensions
 from daemon.application import Application, CellCamera
 from daemon.cell.arm_in_cell import ArmInCell
@@ -24,6 +24,7 @@ from daemon.cell.readings import CellReadings
 from daemon.config.settings import MAIN_CAMERA, OF_SERVICES, Settings, SettingsFile
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
+from daemon.http.listen_socket import LateAddresses
 from daemon.operations import Operations, no_further_sensors
 from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock, time_ordered_id
@@ -165,6 +166,7 @@ def build(
             StoreMonitor(store, events),
             webhooks,
             Retention(store, service_workers, clock, settings.storage),
+            LateAddresses(settings.listens_at),
             KeyExpiry(store.access_keys, clock),
             key_watch,
             ServiceEnds(read_ends(systemd.runtime_folder)),

@@ -17,17 +17,19 @@ from daemon.cli.export import export
 from daemon.cli.import_session import import_session
 from daemon.cli.init import init
 from daemon.cli.keys import app as keys
+from daemon.cli.mock import mock
 from daemon.cli.output import CommandExtension, CommandGroup, Commands
 from daemon.cli.plan import assess, plan
 from daemon.cli.register import register, register_archive, stitch
 from daemon.cli.report import report
 from daemon.cli.robot import app as robot
-from daemon.cli.serve import mock, serve
+from daemon.cli.schema import schema
+from daemon.cli.serve import serve
 from daemon.cli.solve import solve
 from daemon.cli.target import app as target
 from daemon.cli.tls import app as tls
 from daemon.cli.verify_scanner import verify_scanner
-from daemon.cli.version import schema, version
+from daemon.cli.version import version
 from extensions.commands import COMMANDS
 from gateways.commands import COMMANDS as GATEWAYS
 

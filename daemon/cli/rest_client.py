@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from daemon.access.keys import read_authorization
+from daemon.access.service_key import read_authorization
 from daemon.access.tls_context import pinned
 from daemon.config.server_settings import ANY_HOST, ServerSettings, is_loopback
 from handeyed.client import DEFAULT_URL, MAX_ANSWER_S, Client

@@ -1,4 +1,4 @@
-"""`handeyed serve CONFIG` and `handeyed mock ...`: run the daemon, or the program of the mock cell."""
+"""`handeyed serve CONFIG`: run the daemon."""
 
 import os
 import sys
@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from daemon.runtime.module_names import module_name
 
 
 def serve(
@@ -46,16 +44,3 @@ def serve(
         # It stays in `systemctl status` of a service that has failed.
         Systemd.from_environment(os.environ, os.getpid()).notify("STATUS=" + " ".join(str(error).split()))
         raise
-
-
-def mock(
-    arguments: Annotated[
-        list[str] | None, typer.Argument(help="run (the default), truth, score, faults, and their options.")
-    ] = None,
-) -> None:
-    """Start the mock cell: an ABB controller, a camera and a scanner with known truth, on real sockets.
-
-    `handeyed mock run --help` lists its options; `handeyed mock faults` the faults it can simulate.
-    """
-    # Replaces this process: the daemon does not import the mock, and signals reach it directly.
-    os.execv(sys.executable, [sys.executable, "-P", "-m", module_name("mock_robot"), *(arguments or ["run"])])  # noqa: S606 - our own mock

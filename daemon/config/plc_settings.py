@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from calibration.documents.validation import Document
+from daemon.config.server_settings import without_brackets
 from drivers.transports.late_address import is_address
 from protocols.modbus.words import WordOrder
 
@@ -46,7 +47,7 @@ class PlcSerialSettings(Document):
 class PlcSettings(Document):
     """The register map over Modbus. Without `writers` PLCs may only read; without `motion` triggers move nothing."""
 
-    host: Annotated[str, AfterValidator(_validate_address)] = "127.0.0.1"
+    host: Annotated[str, AfterValidator(without_brackets), AfterValidator(_validate_address)] = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 1502
     writers: tuple[Annotated[str, AfterValidator(_validate_network)], ...] = ()
     motion: bool = False

@@ -29,8 +29,10 @@ def _validate_http_url(url: str) -> str:
     return url
 
 
-Host = Annotated[str, AfterValidator(lambda host: host[1:-1] if host[:1] + host[-1:] == "[]" else host)]
-"""As in a setting, or in a URL: `[::1]` is `::1`."""
+def without_brackets(host: str) -> str:
+    """An address as in a setting, or as in a URL: `[::1]` is `::1`."""
+    return host[1:-1] if host[:1] + host[-1:] == "[]" else host
+
 
 HostName = Annotated[str, Field(min_length=1, max_length=253, pattern=r"^[A-Za-z0-9._-]+$")]
 
@@ -41,7 +43,7 @@ class ServerSettings(Document):
     `idle_minutes`: without a touch for this long a browser's session may only read; 0: never.
     """
 
-    host: Host = "127.0.0.1"
+    host: Annotated[str, AfterValidator(without_brackets)] = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8372
     allowed_hosts: tuple[HostName, ...] = ()
     certificate: str | None = None

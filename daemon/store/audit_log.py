@@ -7,16 +7,8 @@ from typing import Any
 from daemon.access.audit_chain import AuditAnchor, AuditRow, find_flaws
 from daemon.errors import StorageInconsistent
 from daemon.store.actor import AuditContext, append_audit
-from daemon.store.consistency import (
-    ACKNOWLEDGED,
-    AUDIT_COLUMNS,
-    StoreFault,
-    find_audit_fault,
-    open_read_only,
-    read_anchor,
-    set_anchor_aside,
-    write_anchor,
-)
+from daemon.store.anchor_file import read_anchor, set_anchor_aside, write_anchor
+from daemon.store.consistency import ACKNOWLEDGED, AUDIT_COLUMNS, StoreFault, find_audit_fault, open_read_only
 from daemon.store.database import Database, storage_errors
 
 _MAX_SEQUENCE = 2**63 - 1

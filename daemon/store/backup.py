@@ -19,7 +19,7 @@ from pydantic import Field
 
 from calibration.documents.validation import Document
 from daemon.runtime.durable_files import create_file, rename_durably
-from daemon.store.consistency import ANCHOR_NAME
+from daemon.store.anchor_file import ANCHOR_NAME
 from daemon.store.database import DATABASE_NAME, SCHEMA_VERSION, Database, copy_database, storage_errors
 from registration.io.regular_file import require_replaceable
 

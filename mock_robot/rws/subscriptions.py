@@ -36,7 +36,7 @@ EVENTS = (
     Events("/rw/iosystem/signals/.+", "ios-signalstate-ev", ";state", ("lvalue", "lstate")),
     Events("/rw/elog/0", "elog-message-ev", "", ("seqnum",)),
     Events("/rw/rapid/symbol/data/.+", "rap-data", ";value", ("value",)),
-    Events("/rw/rapid/symbol/RAPID/.+", "rap-value-ev", ";value", ("value",)),
+    Events("/rw/rapid/symbol/RAPID/.+/data", "rap-value-ev", ";value", ("value",)),
 )
 HIGH_PRIORITY = ("ios-signalstate-ev", "rap-data", "rap-value-ev")
 

@@ -16,6 +16,7 @@ from protocols.modbus.codes import (
     Function,
 )
 from protocols.modbus.errors import ModbusException
+from protocols.modbus.words import bits_of
 
 COIL_ON, COIL_OFF = 0xFF00, 0x0000
 READ_DEVICE_IDENTIFICATION = 14
@@ -65,12 +66,10 @@ def respond(pdu: bytes, bank: Bank, identification: Identification) -> bytes:
         return bytes([function]) + _ANSWERS[function](bank, Function(function), data)
     except ModbusException as refused:
         code = refused.code
-    except struct.error:
-        code = ExceptionCode.ILLEGAL_DATA_VALUE
     return bytes([function & ~ERROR_BIT | ERROR_BIT, code])
 
 
-# What follows the function code in the reply. Each raises ModbusException, and struct.error for missing bytes.
+# What follows the function code in the reply. Each raises ModbusException.
 
 
 def _read_bits(bank: Bank, function: Function, data: bytes) -> bytes:
@@ -86,7 +85,7 @@ def _read_words(bank: Bank, function: Function, data: bytes) -> bytes:
 
 
 def _write_coil(bank: Bank, function: Function, data: bytes) -> bytes:
-    address, value = struct.unpack(">HH", data)
+    address, value = _unpack(">HH", data)
     if value not in (COIL_ON, COIL_OFF):
         raise _bad_value(f"a coil of {value:#06x}, where ff00 or 0000 are allowed")
     bank.write_bits(address, [value == COIL_ON])
@@ -94,7 +93,7 @@ def _write_coil(bank: Bank, function: Function, data: bytes) -> bytes:
 
 
 def _write_register(bank: Bank, function: Function, data: bytes) -> bytes:
-    address, value = struct.unpack(">HH", data)
+    address, value = _unpack(">HH", data)
     bank.write_words(address, [value])
     return data
 
@@ -113,7 +112,7 @@ def _write_registers(bank: Bank, function: Function, data: bytes) -> bytes:
 
 def _mask_write(bank: Bank, function: Function, data: bytes) -> bytes:
     """The register becomes (it AND and_mask) OR (or_mask AND NOT and_mask)."""
-    address, and_mask, or_mask = struct.unpack(">HHH", data)
+    address, and_mask, or_mask = _unpack(">HHH", data)
     (word,) = bank.words(Function.READ_HOLDING_REGISTERS, address, 1)
     bank.write_words(address, [(word & and_mask) | (or_mask & ~and_mask)])
     return data
@@ -129,7 +128,7 @@ def _read_write(bank: Bank, function: Function, data: bytes) -> bytes:
 
 def _identify(data: bytes, identification: Identification) -> bytes:
     """A stream restarts at object 0 when the requested object does not exist; a single object must exist."""
-    kind, level, object_id = struct.unpack(">BBB", data)
+    kind, level, object_id = _unpack(">BBB", data)
     if kind != READ_DEVICE_IDENTIFICATION:
         raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION, f"encapsulated transport {kind} is not supported")
     if not 1 <= level <= ONE_OBJECT:
@@ -157,21 +156,23 @@ _ANSWERS: dict[int, Callable[[Bank, Function, bytes], bytes]] = {
 }
 
 
-def bits_of(data: bytes, count: int) -> tuple[bool, ...]:
-    """Unpack `count` bits; the first is the lowest of the first byte."""
-    return tuple(bool(data[i // 8] >> (i % 8) & 1) for i in range(count))
+def _unpack(form: str, data: bytes) -> tuple[int, ...]:
+    try:
+        return struct.unpack(form, data)
+    except struct.error:
+        raise _bad_value(f"{len(data)} bytes, where {struct.calcsize(form)} are needed") from None
 
 
 def _range(data: bytes, most: int) -> tuple[int, int]:
     """Address and quantity of a request that reads."""
-    address, count = struct.unpack(">HH", data)
+    address, count = _unpack(">HH", data)
     _require_count(count, most)
     return address, count
 
 
 def _values(data: bytes, most: int, bits_each: int) -> tuple[int, int, bytes]:
     """Address, quantity and values, of `bits_each`, of a request that writes several."""
-    address, count, promised = struct.unpack(">HHB", data[:5])
+    address, count, promised = _unpack(">HHB", data[:5])
     _require_count(count, most)
     wanted = (count * bits_each + 7) // 8
     if not promised == len(data) - 5 == wanted:

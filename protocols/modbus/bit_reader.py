@@ -25,8 +25,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 
-from protocols.modbus.bank import bits_of
 from protocols.modbus.codes import ERROR_BIT, MAX_READ_BITS, ExceptionCode, Function
+from protocols.modbus.words import bits_of
 
 Bit = tuple[Function, int]
 """READ_COILS or READ_DISCRETE_INPUTS, and an address."""

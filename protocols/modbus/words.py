@@ -1,4 +1,4 @@
-"""Numbers and text in 16-bit registers. PLCs differ only in the order of the two words of a 32-bit number."""
+"""Bits in bytes; numbers and text in 16-bit registers. PLCs differ only in the order of the two words of a number."""
 
 import struct
 from collections.abc import Iterable, Sequence
@@ -12,6 +12,11 @@ class WordOrder(StrEnum):
 
     HIGH_FIRST = "high-first"  # ABCD
     LOW_FIRST = "low-first"  # CDAB
+
+
+def bits_of(data: bytes, count: int) -> tuple[bool, ...]:
+    """Unpack `count` bits; the first is the lowest of the first byte."""
+    return tuple(bool(data[i // 8] >> (i % 8) & 1) for i in range(count))
 
 
 def float_words(value: float, order: WordOrder) -> Words:

@@ -102,10 +102,14 @@ class WireCounts:
 
 @dataclass(frozen=True)
 class CbLimits:
-    """How long an answer may take, and how long the rest of a frame that began."""
+    """How long an answer may take, and how long the rest of a frame that began.
+
+    `silence_ends`: a request without an answer ends the connection; otherwise it fails alone.
+    """
 
     reply_s: float
     half_frame_s: float
+    silence_ends: bool = True
 
 
 class CbConversation:
@@ -175,16 +179,18 @@ class CbConversation:
             encoded = self.session.request(request)
         except NotAllowedNow as error:
             raise LinkLost(self._device, "the link is being closed", "open it again to go on") from error
-        patience_s = self._patience_s
+        patience_s, repeated = self._patience_s, False
         while not outcome.done():
             remaining_s = asked_at_s + self._limits.reply_s - self._timing.clock()
             if remaining_s <= 0:
+                if not self._limits.silence_ends:
+                    raise self._silence()
                 self.lose(self._silence())
                 break
             await self._send(encoded)
+            self.counts.repeats += repeated
             if not await self._timing.wait_until_done(outcome, min(patience_s, remaining_s)):
-                patience_s = min(2.0 * patience_s, MAX_REPEAT_S)
-                self.counts.repeats += 1
+                patience_s, repeated = min(2.0 * patience_s, MAX_REPEAT_S), True
         self._patience_s = max(patience_s / 2.0, REPEAT_AFTER_S)
         ended = outcome.result()
         if not isinstance(ended, ReplyReceived):

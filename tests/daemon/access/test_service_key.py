@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.access.keys import AUTHORIZATION, ServiceKey, read_authorization
+from daemon.access.service_key import AUTHORIZATION, ServiceKey, read_authorization
 from daemon.cli.rest_client import DEFAULT_URL, RunningService, connect, running_service
 from daemon.runtime.systemd import Systemd
 from tests.daemon.cell_under_test import serving, settings_for

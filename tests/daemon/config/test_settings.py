@@ -193,9 +193,11 @@ def test_a_mistake_is_reported_with_file_place_and_what_to_do(change: tuple[str,
 
 
 def test_an_address_may_stand_in_brackets_as_in_a_url() -> None:
-    text = SMALLEST.replace("[camera]", '[server]\nhost = "[::1]"\n[camera]')
-    server = parse_settings(text.encode(), "cell.toml").server
-    assert (server.host, server.local_url) == ("::1", "http://[::1]:8372")
+    text = SMALLEST.replace("[camera]", '[server]\nhost = "[::1]"\n[plc]\nhost = "[::1]"\n[camera]')
+    settings = parse_settings(text.encode(), "cell.toml")
+    assert settings.plc is not None
+    assert (settings.server.host, settings.server.local_url) == ("::1", "http://[::1]:8372")
+    assert settings.plc.host == "::1"
 
 
 def test_a_missing_file_torn_toml_and_other_bytes_are_reported(tmp_path: Path) -> None:

@@ -12,8 +12,9 @@ import pytest
 
 from daemon.errors import StorageInconsistent, StorageInUse
 from daemon.model.records import ScanRecord
+from daemon.store.anchor_file import ANCHOR_NAME, read_anchor
 from daemon.store.backup import back_up
-from daemon.store.consistency import ANCHOR_NAME, find_fault, read_anchor
+from daemon.store.consistency import find_fault
 from daemon.store.database import DATABASE_NAME
 from daemon.store.monitor import StoreMonitor
 from daemon.store.opening import LOCK_NAME, open_offline

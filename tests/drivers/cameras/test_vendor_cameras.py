@@ -192,6 +192,33 @@ async def test_a_gige_vision_camera_that_is_unplugged_and_comes_back():
                 vendor_cameras.stop(again)
 
 
+class OneDatagramIsLost:
+    """libaravis, of which the first search finds no camera."""
+
+    searches = 0
+
+    def update_device_list(self) -> None:
+        self.searches += 1
+
+    def get_n_devices(self) -> int:
+        return int(self.searches > 1)
+
+    def device_text(self, place: int, what: str) -> str:
+        return {"protocol": "GigEVision", "serial_nbr": "HE1"}.get(what, what)
+
+
+@pytest.mark.parametrize(
+    ("name", "searches", "found"), [("HE1", 2, ["HE1"]), ("", 1, []), ("192.168.5.7", 1, ["unknown"])]
+)
+def test_a_camera_by_its_name_is_searched_twice(
+    monkeypatch: pytest.MonkeyPatch, name: str, searches: int, found: list[str]
+) -> None:
+    library = OneDatagramIsLost()
+    monkeypatch.setattr("drivers.cameras.aravis_camera.Aravis", lambda: library)
+    assert [camera.serial for camera in AravisLibrary(name).discover()] == found
+    assert library.searches == searches
+
+
 @pytest.mark.slow
 async def test_a_gige_vision_camera_that_another_program_controls():
     with gigabit_camera():

@@ -2,11 +2,11 @@
 
 import html
 import re
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
 from urllib.parse import urlsplit
 
-from websockets.asyncio.client import connect
+from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidHandshake, InvalidURI, WebSocketException
 from websockets.typing import Subprotocol
 
@@ -36,29 +36,42 @@ async def subscribe(client: RwsClient) -> AsyncIterator[AsyncIterator[dict[str, 
     path = await _subscription(client)
     url, headers, tls = client.socket(path)
     try:
-        async with connect(
-            url,
-            subprotocols=[Subprotocol(dialect.subprotocol)],
-            additional_headers=headers,
-            ssl=tls,
-            compression=None,
-            open_timeout=OPEN_LIMIT_S,
-            close_timeout=1.0,
-            ping_interval=None,  # RWS 2.0 answers no ping, and closes on any message
-            proxy=None,
-        ) as connection:
-            yield (
-                event
-                async for message in connection
-                for event in events_in(message if isinstance(message, str) else message.decode("utf-8", "replace"))
+        with _socket_errors(device):
+            connection = await connect(
+                url,
+                subprotocols=[Subprotocol(dialect.subprotocol)],
+                additional_headers=headers,
+                ssl=tls,
+                compression=None,
+                open_timeout=OPEN_LIMIT_S,
+                close_timeout=1.0,
+                ping_interval=None,  # RWS 2.0 answers no ping, and closes on any message
+                proxy=None,
             )
+        try:
+            yield _events(device, connection)
+        finally:
+            await connection.close()
+    finally:
+        with suppress(DeviceError):
+            await client.delete(path.replace("/poll/", "/subscription/"))
+
+
+async def _events(device: str, connection: ClientConnection) -> AsyncIterator[dict[str, str]]:
+    with _socket_errors(device):
+        async for message in connection:
+            for event in events_in(message if isinstance(message, str) else message.decode("utf-8", "replace")):
+                yield event
+
+
+@contextmanager
+def _socket_errors(device: str) -> Iterator[None]:
+    try:
+        yield
     except (InvalidHandshake, InvalidURI) as error:
         raise GarbledAnswer(device, f"the subscription's socket was refused ({error})", "update RobotWare") from error
     except (OSError, TimeoutError, WebSocketException) as error:
         raise DeviceUnreachable(device, f"the subscription broke ({error})", "try it again") from error
-    finally:
-        with suppress(DeviceError):
-            await client.delete(path.replace("/poll/", "/subscription/"))
 
 
 async def _subscription(client: RwsClient) -> str:

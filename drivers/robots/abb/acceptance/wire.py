@@ -22,7 +22,7 @@ class Wire:
         self.device = f"robot {transport.address}"
         self._connection = connection
         self._session = ClientSession(resynchronise=transport.resynchronise)
-        limits = CbLimits(REPLY_LIMIT_S, transport.half_frame_limit_s)
+        limits = CbLimits(REPLY_LIMIT_S, transport.half_frame_limit_s, silence_ends=False)
         self._conversation = CbConversation(
             self.device, connection, self._session, timing, limits, on_lost=lambda error: None
         )
@@ -50,7 +50,10 @@ class Wire:
         return self._session.last_seq
 
     async def ask(self, request: Request) -> Answered:
-        """Send a request, again while no answer comes, and return its answer. Raises LinkLost, GarbledAnswer."""
+        """Send a request, again while no answer comes, and return its answer. Raises LinkLost, GarbledAnswer.
+
+        After REPLY_LIMIT_S without one the next request may be answered again: a person stops and starts the program.
+        """
         return await self._conversation.ask(request)
 
     async def close(self, *, politely: bool = True) -> None:
