@@ -237,7 +237,7 @@ def api_router(prefix: str = "", *, tags: Sequence[str] = (), include_in_schema:
     )
 
 
-def made(model: Any, *refusals: int) -> dict[str, Any]:
+def creates(model: Any, *refusals: int) -> dict[str, Any]:
     """What a route declares that answers `model` of what it has made, with its Location, or one of the refusals."""
     return {"response_model": model, "status_code": 201, "responses": problem_responses(*refusals)}
 

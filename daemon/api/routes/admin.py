@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import Depends, Query, Request, Response
 from pydantic import BaseModel, RootModel
 
-from daemon.api.dependencies import IN_WHOLE_DIGITS, App, JsonBody, Limit, api_router, in_content, made, respond_page
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App, JsonBody, Limit, api_router, creates, in_content, respond_page
 from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
 from daemon.api.routes.cell import devices
@@ -34,7 +34,7 @@ from drivers.errors import DeviceError
 router = api_router(tags=["access"])
 
 
-@router.post("/setup", **made(NewKeyDocument, 400, 403, 409, 413, 500, 507))
+@router.post("/setup", **creates(NewKeyDocument, 400, 403, 409, 413, 500, 507))
 async def setup(
     request: Request, app: App, body: Annotated[SetupRequest, Depends(JsonBody(SetupRequest))]
 ) -> NewKeyDocument:

@@ -28,8 +28,8 @@ from daemon.api.dependencies import (
     WithCamera,
     api_router,
     box_of,
+    creates,
     in_words,
-    made,
     respond_rows,
 )
 from daemon.api.http_errors import InvalidRequest
@@ -117,7 +117,7 @@ async def _as_in_force(app: Application, listing: CalibrationListing) -> Calibra
     return replace(listing, accuracy=await app.operations.calibrations.accuracy(document))
 
 
-@router.post("", **made(CalibrationDocument, 400, 409, 413, 422, 429, 500, 507))
+@router.post("", **creates(CalibrationDocument, 400, 409, 413, 422, 429, 500, 507))
 async def solve(
     app: App, body: Annotated[ObservationsRequest, Depends(JsonBody(ObservationsRequest, MAX_SESSION_VALUES))]
 ) -> Response:
@@ -188,7 +188,7 @@ async def compare_with(
     return respond(request, found, lambda: comparison_text(found))
 
 
-@router.post("/{calibration_id}/solve", **made(CalibrationDocument, 400, 404, 409, 413, 422, 429, 500, 507))
+@router.post("/{calibration_id}/solve", **creates(CalibrationDocument, 400, 404, 409, 413, 422, 429, 500, 507))
 async def solve_again(
     app: App, calibration_id: Identifier, body: Annotated[SolveRequest, Depends(JsonBody(SolveRequest))]
 ) -> Response:

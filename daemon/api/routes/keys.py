@@ -30,7 +30,7 @@ async def keys(app: App) -> KeyList:
 async def add(app: App, body: Annotated[NewKeyRequest, Depends(JsonBody(NewKeyRequest))]) -> NewKeyDocument:
     """A new key. It is shown this once."""
     made = await app.key_service.add(body.name, ROLES[body.role], current_audit_context(), body.days)
-    return _made(app, "added", *made)
+    return _answer(app, "added", *made)
 
 
 @router.post("/{name}/rotate", response_model=NewKeyDocument, status_code=201, responses=REFUSALS)
@@ -39,7 +39,7 @@ async def rotate(
 ) -> NewKeyDocument:
     """A new key in place of the valid one of that name or id. It is shown this once."""
     made = await app.key_service.rotate(name, current_audit_context(), body.days, body.overlap_h)
-    return _made(app, "rotated", *made)
+    return _answer(app, "rotated", *made)
 
 
 @router.post("/{name}/revoke", response_model=RevokedKeys, dependencies=[Depends(no_body)], responses=REFUSALS)
@@ -50,6 +50,6 @@ async def revoke(app: App, name: Identifier) -> RevokedKeys:
     return RevokedKeys(revoked=ended)
 
 
-def _made(app: Application, action: str, key: str, record: KeyRecord) -> NewKeyDocument:
+def _answer(app: Application, action: str, key: str, record: KeyRecord) -> NewKeyDocument:
     app.events.publish("key", {"action": action, "ids": [record.id], "at": record.created_at})
     return NewKeyDocument.model_validate({"key": key, **vars(record)})

@@ -186,7 +186,7 @@ def configuration_findings(survey: ControllerSurvey, package: Package) -> tuple[
                 what = f"{kind} still names {file}, which this program has not"
                 found.append(Finding("left-over", True, what, ANOTHER))
     for name, fragment in package.fragments.items():
-        named = _listed(survey, fragment, package)
+        named = _instances_of(survey, fragment, package)
         absent = [each.name for each in named if not _is_there(survey, fragment, each)]
         if absent and len(absent) < len(named):
             what = f"the controller has {name} in part: {', '.join(absent)} is not there"
@@ -199,10 +199,10 @@ def wants(survey: ControllerSurvey, fragment: CfgFile, package: Package) -> bool
 
     The serial port is wanted only for a link over a serial line.
     """
-    return any(not _is_there(survey, fragment, each) for each in _listed(survey, fragment, package))
+    return any(not _is_there(survey, fragment, each) for each in _instances_of(survey, fragment, package))
 
 
-def _listed(survey: ControllerSurvey, fragment: CfgFile, package: Package) -> list[CfgInstance]:
+def _instances_of(survey: ControllerSurvey, fragment: CfgFile, package: Package) -> list[CfgInstance]:
     """Wanted instances that can be recognised in the controller's lists."""
     serial = package.setting("cell_use_serial").upper() == "TRUE"
     return [
