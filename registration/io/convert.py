@@ -7,11 +7,11 @@ from pathlib import Path
 from registration.io.columns import Conversion, common_layout
 from registration.io.durable_file import GuardedFile, new_file
 from registration.io.formats.bodies import BLOCK_BYTES, require_end
-from registration.io.formats.header import CloudHeader
+from registration.io.formats.header import CloudHeader, CloudSource
 from registration.io.formats.las_move import move_las
 from registration.io.formats.sections import SectionPassage
 from registration.io.parallel_copy import THREADS, Span, move_span
-from registration.io.reading import PARSERS, CloudSource, open_cloud, read_header
+from registration.io.reading import PARSERS, open_cloud, read_header
 from registration.io.stream import CloudStream
 from registration.io.writing import form_of, new_cloud
 from registration.points.layout import XYZ_FLOAT32, Layout, Records

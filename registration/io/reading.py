@@ -1,26 +1,21 @@
-"""Reads clouds of any format from files, in blocks of bounded size: `open_cloud(path)`.
-
-Every source has a `layout`, a `count` where the file determines it, and `blocks()`, to be called once. A block is
-valid until the next one; the caller may overwrite it.
-"""
+"""Reads clouds of any format from files, in blocks of bounded size: `open_cloud(path)`."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
 
 from registration.errors import CloudTruncated, CloudUnsupported
 from registration.io.durable_file import GuardedFile
 from registration.io.formats import npy, pcd, ply, rows
 from registration.io.formats.bodies import BLOCK_BYTES, decoder_of, require_end
-from registration.io.formats.compressed import CompressedSource
+from registration.io.formats.compressed import compressed_source
 from registration.io.formats.detect import HeaderParser, octets
-from registration.io.formats.extras import E57Source, LasSource
-from registration.io.formats.header import HEADER_LIMIT, CloudHeader
-from registration.io.formats.npz import NpzSource
+from registration.io.formats.extras import e57_source, las_source
+from registration.io.formats.header import HEADER_LIMIT, CloudHeader, CloudSource
+from registration.io.formats.npz import npz_source
 from registration.io.formats.sections import SectionPassage
-from registration.io.formats.stl import open_stl
-from registration.points.layout import Layout, Records
+from registration.io.formats.stl import stl_source
+from registration.points.layout import Records
 
 PARSERS: dict[str, HeaderParser] = {
     ".ply": ply.parse_header,
@@ -35,32 +30,15 @@ PARSERS: dict[str, HeaderParser] = {
 """Formats whose header is parsed from the first bytes, by suffix."""
 
 
-class CloudSource(Protocol):
-    """An open cloud."""
+def _streamed_source(file: GuardedFile, header: CloudHeader, name: str) -> CloudSource:
+    """Of a format that consists of a header and records in sequence."""
 
-    @property
-    def layout(self) -> Layout: ...
-
-    @property
-    def count(self) -> int | None: ...
-
-    def blocks(self) -> Iterator[Records]: ...
-
-
-class StreamedSource:
-    """A format that consists of a header and records in sequence."""
-
-    def __init__(self, file: GuardedFile, header: CloudHeader, name: str) -> None:
-        self._file, self._name, self.header = file, name, header
-        self.layout, self.count = header.layout, header.count
-
-    def blocks(self) -> Iterator[Records]:
+    def blocks() -> Iterator[Records]:
         """The points; elements beside them are checked and skipped. Raises CloudError's leaves."""
-        header, name = self.header, self._name
         lead, tail = (SectionPassage(elements, header.encoding, name) for elements in (header.lead, header.tail))
         decoder = decoder_of(header, name)
-        self._file.seek(header.length)
-        for piece in _pieces(self._file, header):
+        file.seek(header.length)
+        for piece in _pieces(file, header):
             rest = piece
             if not lead.complete:
                 rest = rest[lead.take(rest) :]
@@ -73,6 +51,8 @@ class StreamedSource:
         lead.finish()
         yield from decoder.finish()
         tail.finish()
+
+    return CloudSource(header.layout, header.count, blocks)
 
 
 def _pieces(file: GuardedFile, header: CloudHeader) -> Iterator[memoryview]:
@@ -122,15 +102,15 @@ def _source(path: Path, file: GuardedFile, name: str) -> CloudSource:
         raise CloudUnsupported(name, "suffix", f"clouds of type {suffix!r} cannot be read", f"use one of {known}")
     header = read_header(file, PARSERS[suffix], name)
     if header.encoding == "compressed":
-        return CompressedSource(file, header, name)
-    return StreamedSource(file, header, name)
+        return compressed_source(file, header, name)
+    return _streamed_source(file, header, name)
 
 
 SPECIAL: dict[str, Callable[[GuardedFile, str], CloudSource]] = {
-    ".stl": open_stl,
-    ".las": lambda file, name: LasSource(file, name, compressed=False),
-    ".laz": lambda file, name: LasSource(file, name, compressed=True),
-    ".e57": E57Source,
-    ".npz": NpzSource,
+    ".stl": stl_source,
+    ".las": lambda file, name: las_source(file, name, compressed=False),
+    ".laz": lambda file, name: las_source(file, name, compressed=True),
+    ".e57": e57_source,
+    ".npz": npz_source,
 }
 """Formats that are not a header with records."""

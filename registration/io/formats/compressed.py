@@ -9,21 +9,19 @@ import numpy as np
 from registration.errors import CloudFormatError, CloudTruncated
 from registration.io.durable_file import GuardedFile
 from registration.io.formats.bodies import require_end
-from registration.io.formats.header import CloudHeader
+from registration.io.formats.header import CloudHeader, CloudSource
 from registration.points.layout import Records
 
 BLOCK_POINTS = 1 << 14
 
 
-class CompressedSource:
-    def __init__(self, file: GuardedFile, header: CloudHeader, name: str) -> None:
-        self._file, self._header, self._name = file, header, name
-        self.layout, self.count = header.layout, header.count
+def compressed_source(file: GuardedFile, header: CloudHeader, name: str) -> CloudSource:
+    """The points behind the header; `blocks` raises CloudFormatError, CloudTruncated, CloudTooLong."""
 
-    def blocks(self) -> Iterator[Records]:
-        count, dtype = self.count or 0, self.layout.dtype
+    def blocks() -> Iterator[Records]:
+        count, dtype = header.count or 0, header.layout.dtype
         with tempfile.TemporaryFile() as columns:
-            self._expand_to(columns)
+            _expand_to(columns, file, header, name)
             for start in range(0, count, BLOCK_POINTS):
                 points = min(BLOCK_POINTS, count - start)
                 block = np.empty(points, dtype)
@@ -37,35 +35,38 @@ class CompressedSource:
                     column += count * kind.itemsize
                 yield block
 
-    def _expand_to(self, columns: BinaryIO) -> None:
-        expected = (self._header.count or 0) * self._header.layout.itemsize
-        self._file.seek(self._header.length)
-        sizes = self._file.read(8)
-        if len(sizes) < 8:
-            raise CloudTruncated(self._name, "compressed sizes", "the file ends here", "copy the whole file again")
-        packed, unpacked = (int(size) for size in np.frombuffer(sizes, "<u4"))
-        if unpacked != expected:
-            what = f"the header promises {expected} bytes of points, the compressed part {unpacked}"
-            raise CloudFormatError(self._name, "compressed sizes", what, "write the file again")
-        written = 0
-        try:
-            for piece in decompress(self._file.read, packed):
-                written += len(piece)
-                if written > expected:
-                    break
-                columns.write(piece)
-        except LzfDamaged as error:
-            raise CloudTruncated(
-                self._name,
-                f"compressed byte {error.position}",
-                "the compressed points are cut or damaged",
-                "copy the file again",
-            ) from None
-        if written != expected:
-            what = f"the compressed part holds {written} bytes where {expected} belong"
-            raise CloudFormatError(self._name, "compressed points", what, "write the file again")
-        while rest := self._file.read(1 << 16):
-            require_end(self._header, self._name, self._header.count or 0, rest)
+    return CloudSource(header.layout, header.count, blocks)
+
+
+def _expand_to(columns: BinaryIO, file: GuardedFile, header: CloudHeader, name: str) -> None:
+    expected = (header.count or 0) * header.layout.itemsize
+    file.seek(header.length)
+    sizes = file.read(8)
+    if len(sizes) < 8:
+        raise CloudTruncated(name, "compressed sizes", "the file ends here", "copy the whole file again")
+    packed, unpacked = (int(size) for size in np.frombuffer(sizes, "<u4"))
+    if unpacked != expected:
+        what = f"the header promises {expected} bytes of points, the compressed part {unpacked}"
+        raise CloudFormatError(name, "compressed sizes", what, "write the file again")
+    written = 0
+    try:
+        for piece in decompress(file.read, packed):
+            written += len(piece)
+            if written > expected:
+                break
+            columns.write(piece)
+    except LzfDamaged as error:
+        raise CloudTruncated(
+            name,
+            f"compressed byte {error.position}",
+            "the compressed points are cut or damaged",
+            "copy the file again",
+        ) from None
+    if written != expected:
+        what = f"the compressed part holds {written} bytes where {expected} belong"
+        raise CloudFormatError(name, "compressed points", what, "write the file again")
+    while rest := file.read(1 << 16):
+        require_end(header, name, header.count or 0, rest)
 
 
 # LZF (Lehmann), in bounded memory.

@@ -16,6 +16,7 @@ from registration.errors import CloudError, CloudFormatError, CloudTruncated, Cl
 from registration.io.durable_file import GuardedFile
 from registration.io.formats import las
 from registration.io.formats.e57_xml import require_plain_xml
+from registration.io.formats.header import CloudSource
 from registration.io.formats.laz import require_sound_chunks
 from registration.points.layout import COLOURS, Layout, Records
 
@@ -65,99 +66,90 @@ def translate_errors(file: str, place: str, *further: type[Exception]) -> Iterat
         raise CloudFormatError(file, place, what, "copy the whole file again") from None
 
 
-class LasSource:
-    """A LAS or LAZ file: x, y, z and all dimensions, including extra ones."""
+def las_source(file: GuardedFile, name: str, *, compressed: bool) -> CloudSource:
+    """A LAS or LAZ file: x, y, z and all dimensions, including extra ones. Raises CloudError's leaves."""
+    head = las.read_whole_header(file)
+    laspy = library("laspy", "las", name)
+    errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException,)
+    if compressed or head.compressed:
+        errors += (library("lazrs", "las", name).LazrsError,)
+    with translate_errors(name, "header", *errors):
+        if head.compressed:
+            require_sound_chunks(file, head, library("lazrs", "las", name))
+            file.seek(0)
+        reader = laspy.open(file.raw, closefd=False)
+        header = reader.header
+        count = int(header.point_count)
+        names = [each for each in header.point_format.dimension_names if each not in ("X", "Y", "Z")]
+        record = reader.read_points(0)
+        held = {each: np.asarray(record[each]) for each in names}
+        columns = [(each, empty.dtype.newbyteorder("="), empty.shape[1:]) for each, empty in held.items()]
+        layout = Layout.of(np.dtype([("x", "f8"), ("y", "f8"), ("z", "f8"), *columns]))
 
-    def __init__(self, file: GuardedFile, name: str, *, compressed: bool) -> None:
-        self._name = name
-        header = las.read_whole_header(file)
-        laspy = library("laspy", "las", name)
-        self._errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException,)
-        if compressed or header.compressed:
-            self._errors += (library("lazrs", "las", name).LazrsError,)
-        with translate_errors(name, "header", *self._errors):
-            if header.compressed:
-                require_sound_chunks(file, header, library("lazrs", "las", name))
-                file.seek(0)
-            self._reader = laspy.open(file.raw, closefd=False)
-            header = self._reader.header
-            self.count: int | None = int(header.point_count)
-            names = [each for each in header.point_format.dimension_names if each not in ("X", "Y", "Z")]
-            record = self._reader.read_points(0)
-            kinds = [(each, np.asarray(record[each]).dtype) for each in names]
-            shapes = {each: np.asarray(record[each]).shape[1:] for each in names}
-            columns = [(each, kind.newbyteorder("="), shapes[each]) for each, kind in kinds]
-            self.layout = Layout.of(np.dtype([("x", "f8"), ("y", "f8"), ("z", "f8"), *columns]))
-
-    def blocks(self) -> Iterator[Records]:
-        seen, expected = 0, self.count or 0
-        while seen < expected:
-            with translate_errors(self._name, f"point {seen}", *self._errors):
-                chunk = self._reader.read_points(min(BLOCK_POINTS, expected - seen))
-                block = np.zeros(len(chunk), self.layout.dtype)
-                for name in self.layout.dtype.names or ():
-                    block[name] = np.asarray(chunk[name])
+    def blocks() -> Iterator[Records]:
+        seen = 0
+        while seen < count:
+            with translate_errors(name, f"point {seen}", *errors):
+                chunk = reader.read_points(min(BLOCK_POINTS, count - seen))
+                block = np.zeros(len(chunk), layout.dtype)
+                for column in layout.dtype.names or ():
+                    block[column] = np.asarray(chunk[column])
             if not len(block):
-                what = f"the header promises {expected} points, the file has {seen}"
-                raise CloudTruncated(self._name, f"point {seen}", what, "copy the whole file again")
+                what = f"the header promises {count} points, the file has {seen}"
+                raise CloudTruncated(name, f"point {seen}", what, "copy the whole file again")
             seen += len(block)
             yield block
 
+    return CloudSource(layout, count, blocks)
 
-class E57Source:
-    """Scans of an E57 file in sequence: x, y, z and the columns every scan has."""
 
-    count: int | None
+def e57_source(file: GuardedFile, name: str) -> CloudSource:
+    """Scans of an E57 file in sequence: x, y, z and the columns every scan has. Raises CloudError's leaves."""
+    pye57 = library("pye57", "e57", name)
+    require_plain_xml(file, name)
+    libe57, damage = pye57.libe57, pye57.libe57.E57Exception
+    with translate_errors(name, "header", damage):
+        # libE57 opens by path: by the descriptor's, so that it reads the file that was checked.
+        image = pye57.E57(f"/proc/self/fd/{file.raw.fileno()}")
+        headers = [image.get_header(index) for index in range(image.scan_count)]
+        count = sum(int(header.point_count) for header in headers)
+        posed = [header for header in headers if header.has_pose()]
+        if not all(np.allclose(one.rotation_matrix, np.eye(3)) and np.allclose(one.translation, 0) for one in posed):
+            what = "a scan carries a pose of its own, so its points stand in no camera's frame"
+            raise CloudUnsupported(name, "pose", what, "export the scan in the scanner's frame")
+        shared = [field for field in (headers[0].point_fields if headers else []) if field in COLUMNS]
+        fields = [field for field in shared if all(field in header.point_fields for header in headers)]
+        if not {"cartesianX", "cartesianY", "cartesianZ"} <= set(fields):
+            raise CloudUnsupported(name, "points", "there are no Cartesian coordinates", "export x, y, z")
+    layout = Layout.of(np.dtype([(COLUMNS[field], "f8") for field in fields]))
 
-    def __init__(self, file: GuardedFile, name: str) -> None:
-        pye57 = library("pye57", "e57", name)
-        require_plain_xml(file, name)
-        self._name, self._lib = name, pye57.libe57
-        self._errors: tuple[type[Exception], ...] = (pye57.libe57.E57Exception,)
-        with translate_errors(name, "header", *self._errors):
-            # libE57 opens by path: by the descriptor's, so that it reads the file that was checked.
-            self._file = pye57.E57(f"/proc/self/fd/{file.raw.fileno()}")
-            headers = [self._file.get_header(index) for index in range(self._file.scan_count)]
-            self.count = sum(int(header.point_count) for header in headers)
-            posed = [header for header in headers if header.has_pose()]
-            if not all(
-                np.allclose(one.rotation_matrix, np.eye(3)) and np.allclose(one.translation, 0) for one in posed
-            ):
-                what = "a scan carries a pose of its own, so its points stand in no camera's frame"
-                raise CloudUnsupported(name, "pose", what, "export the scan in the scanner's frame")
-            shared = [field for field in (headers[0].point_fields if headers else []) if field in COLUMNS]
-            self._fields = [field for field in shared if all(field in header.point_fields for header in headers)]
-            if not {"cartesianX", "cartesianY", "cartesianZ"} <= set(self._fields):
-                raise CloudUnsupported(name, "points", "there are no Cartesian coordinates", "export x, y, z")
-            self._headers = headers
-        self.layout = Layout.of(np.dtype([(COLUMNS[field], "f8") for field in self._fields]))
-
-    def blocks(self) -> Iterator[Records]:
-        for index, header in enumerate(self._headers):
-            if not int(header.point_count):
-                continue  # libE57 takes it for damage
-            block = np.empty(E57_BLOCK_POINTS, self.layout.dtype)
-            with translate_errors(self._name, f"scan {index}", *self._errors):
-                reader = header.points.reader(self._straight_into(block))
-                count = reader.read()
-                least, most = colour_range(header, self._lib) if "red" in block.dtype.fields else (0.0, 255.0)
-            while count:
-                for name in COLOURS if (least, most) != (0.0, 255.0) else ():
-                    block[name][:count] = (block[name][:count] - least) * (255.0 / (most - least))
-                yield block[:count]
-                with translate_errors(self._name, f"scan {index}", *self._errors):
-                    count = reader.read()
-
-    def _straight_into(self, block: Records) -> Any:
-        """libE57 buffers backed by the columns of `block`."""
-        libe57 = self._lib
+    def straight_into(block: Records) -> Any:
+        """libE57's buffers backed by the columns of `block`."""
         buffers = libe57.VectorSourceDestBuffer()
-        for field in self._fields:
+        for field in fields:
             column = block[COLUMNS[field]]
             buffers.append(
-                libe57.SourceDestBuffer(self._file.image_file, field, column, len(block), True, True, column.strides[0])
+                libe57.SourceDestBuffer(image.image_file, field, column, len(block), True, True, column.strides[0])
             )
         return buffers
+
+    def blocks() -> Iterator[Records]:
+        for index, header in enumerate(headers):
+            if not int(header.point_count):
+                continue  # libE57 takes it for damage
+            block = np.empty(E57_BLOCK_POINTS, layout.dtype)
+            with translate_errors(name, f"scan {index}", damage):
+                reader = header.points.reader(straight_into(block))
+                read = reader.read()
+                least, most = colour_range(header, libe57) if "red" in block.dtype.fields else (0.0, 255.0)
+            while read:
+                for colour in COLOURS if (least, most) != (0.0, 255.0) else ():
+                    block[colour][:read] = (block[colour][:read] - least) * (255.0 / (most - least))
+                yield block[:read]
+                with translate_errors(name, f"scan {index}", damage):
+                    read = reader.read()
+
+    return CloudSource(layout, count, blocks)
 
 
 COLUMNS = {

@@ -1,11 +1,12 @@
-"""The common result of all header parsers, and parsing of numbers in header lines."""
+"""What all header parsers and all readers return, and parsing of numbers in header lines."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, NoReturn
 
 from registration.errors import CloudFormatError, CloudUnsupported
 from registration.io.formats.tail import Element
-from registration.points.layout import Layout
+from registration.points.layout import Layout, Records
 
 Encoding = Literal["text", "binary", "compressed"]
 
@@ -51,6 +52,18 @@ class CloudHeader:
             return None
         others = sum(element.count * element.itemsize for element in (*self.lead, *self.tail))
         return self.count * self.layout.itemsize + others
+
+
+@dataclass(frozen=True)
+class CloudSource:
+    """An open cloud. `count`: None where the file does not determine it; `blocks` is to be called once.
+
+    A block is valid until the next one; the caller may overwrite it.
+    """
+
+    layout: Layout
+    count: int | None
+    blocks: Callable[[], Iterator[Records]]
 
 
 class HeaderLines:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from registration.errors import CloudFormatError, CloudUnsupported
 from registration.io.durable_file import GuardedFile
+from registration.io.formats.header import CloudSource
 from registration.points.layout import COLOURS, Layout, Records
 
 MAX_FILE_BYTES = 2_000_000_000
@@ -52,22 +53,19 @@ def read_whole(file: GuardedFile, name: str) -> tuple[NDArray[Any], dict[str, ND
     return points, {key: array for key, array in beside.items() if array.ndim - len(pixels) in (0, 1)}
 
 
-class NpzSource:
-    """A whole NPZ as one sequence of points, row by row: reading.CloudSource."""
+def npz_source(file: GuardedFile, name: str) -> CloudSource:
+    """A whole NPZ as one sequence of points, row by row. Raises CloudError's leaves."""
+    columns = _columns(*read_whole(file, name))
+    layout, count = Layout.of(np.dtype([(key, column.dtype) for key, column in columns.items()])), len(columns["x"])
 
-    def __init__(self, file: GuardedFile, name: str) -> None:
-        """Raises CloudError's leaves."""
-        self._columns = _columns(*read_whole(file, name))
-        self.layout = Layout.of(np.dtype([(key, column.dtype) for key, column in self._columns.items()]))
-        self.count: int | None = len(self._columns["x"])
-
-    def blocks(self) -> Iterator[Records]:
-        for start in range(0, len(self._columns["x"]), BLOCK_POINTS):
-            pieces = {key: column[start : start + BLOCK_POINTS] for key, column in self._columns.items()}
-            block = np.empty(len(pieces["x"]), self.layout.dtype)
-            for key, piece in pieces.items():
-                block[key] = piece
+    def blocks() -> Iterator[Records]:
+        for start in range(0, count, BLOCK_POINTS):
+            block = np.empty(min(BLOCK_POINTS, count - start), layout.dtype)
+            for key, column in columns.items():
+                block[key] = column[start : start + BLOCK_POINTS]
             yield block
+
+    return CloudSource(layout, count, blocks)
 
 
 def _columns(points: NDArray[Any], beside: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
