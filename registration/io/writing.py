@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -76,43 +75,15 @@ def form_of(path: Path, layout: Layout) -> Form:
     return FORMS[suffix](layout, path.name)
 
 
-class Writer(Protocol):
-    """Writes blocks of `form.layout` and counts their points."""
+class Writer:
+    """Writes blocks of `form.layout` by `put`, and counts their points."""
 
-    form: Form
-    points: int
-
-    def write(self, block: Records) -> None: ...
-
-
-class LibraryWriter:
-    """Passes blocks on to a library."""
-
-    def __init__(self, out: LasOut | E57Out, form: Form) -> None:
-        self._out, self.form, self.points = out, form, 0
+    def __init__(self, form: Form, put: Callable[[Records], object]) -> None:
+        self.form, self._put, self.points = form, put, 0
 
     def write(self, block: Records) -> None:
         self.points += len(block)
-        self._out.write(block)
-
-
-class CloudWriter:
-    """Writes blocks of `form.layout`."""
-
-    def __init__(self, file: GuardedFile, form: Form) -> None:
-        self._file = file
-        self.form = form
-        self.points = 0
-        file.write(form.header(0))
-
-    def write(self, block: Records) -> None:
-        self.points += len(block)
-        self._file.write(self.form.encode(block))
-
-    def finish(self) -> None:
-        """Put the number of points into the header."""
-        self._file.seek(0)
-        self._file.write(self.form.header(self.points))
+        self._put(block)
 
 
 @contextmanager
@@ -130,8 +101,10 @@ def new_cloud(
     with new_file(path, durable=durable) as file:
         if library is not None:
             with library(file, form.layout, f"handeyed {calibration_id or ''}".strip()) as out:
-                yield LibraryWriter(out, form)
+                yield Writer(form, out.write)
             return
-        writer = CloudWriter(file, form)
+        file.write(form.header(0))
+        writer = Writer(form, lambda block: file.write(form.encode(block)))
         yield writer
-        writer.finish()
+        file.seek(0)
+        file.write(form.header(writer.points))
