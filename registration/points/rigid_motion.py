@@ -48,12 +48,11 @@ class RigidMotion:
     rotation: Array
 
     @classmethod
-    def of(cls, base_T_camera: ArrayLike, unit: str | None, out_unit: str | None = "mm") -> "RigidMotion":
-        """From a transform in mm, the cloud's unit and the output unit. Raises MotionError, UnitUnknown."""
+    def of(cls, base_T_camera: ArrayLike, unit: str | None) -> "RigidMotion":
+        """From a transform in mm and the cloud's unit, to mm. Raises MotionError, UnitUnknown."""
         a_T_b = np.asarray(base_T_camera, float)
         _require_rigid(a_T_b)
-        scale, out_scale = scale_to_mm(unit), scale_to_mm(out_unit)
-        matrix = np.hstack([a_T_b[:3, :3] * (scale / out_scale), a_T_b[:3, 3:] / out_scale])
+        matrix = np.hstack([a_T_b[:3, :3] * scale_to_mm(unit), a_T_b[:3, 3:]])
         return cls(matrix, a_T_b[:3, :3].copy())
 
     @property
