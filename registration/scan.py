@@ -4,7 +4,7 @@ The basic formula is P_base = base_T_flange @ flange_T_camera @ P_camera for eac
 it prints X). Refinement puts a small motion before it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -21,10 +21,10 @@ from registration.fusion.concatenation import OnProgress, ignore_progress, repor
 from registration.fusion.overlap import Agreement, agreement
 from registration.fusion.pose_adjustment import MAX_ITERATIONS, Refinement, refine_poses
 from registration.io.reading import open_cloud
-from registration.points.layout import Layout, Records
+from registration.points.layout import Layout
 from registration.points.range_check import POSSIBLE_MM, RangeCheck, RangeMm
 from registration.points.rigid_motion import RigidMotion, scale_to_mm
-from registration.points.surface import MAX_RANGE_MM, POINT_LIMIT, Surface, sample_points
+from registration.points.surface import MAX_RANGE_MM, POINT_LIMIT, PointSample, Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,16 +137,22 @@ def sample_views(
 
 def _sample(view: ScanView, limit: int, on_read: OnProgress) -> ViewSample:
     """`on_read` is called with the share of the points that is read."""
-    scale = scale_to_mm(view.unit)
+    sample, check = PointSample(scale_to_mm(view.unit), limit), RangeCheck(view.unit, view.range_mm)
+    points = non_finite = 0
     with open_cloud(view.path) as cloud:
-        blocks = _CountedBlocks(
-            cloud.blocks(), cloud.layout, cloud.count, on_read, RangeCheck(view.unit, view.range_mm)
-        )
-        points = sample_points(blocks, cloud.layout, scale, limit)
-        if not len(points) and blocks.points > blocks.non_finite:
-            what = f"{view.path.name}: no point lies within {MAX_RANGE_MM / 1e6:g} km of the scanner"
-            raise ScanError(what, "check the cloud and its unit")
-        return ViewSample(Surface.of(points), cloud.layout, blocks.points, blocks.non_finite, blocks.range.doubt)
+        for block in cloud.blocks():
+            points += len(block)
+            check.look(block, cloud.layout)
+            measured = block[cloud.layout.has_point(block)]
+            non_finite += len(block) - len(measured)
+            if cloud.count:
+                on_read(min(points / cloud.count, 1.0))
+            sample.add(measured, cloud.layout)
+    kept = sample.points()
+    if not len(kept) and points > non_finite:
+        what = f"{view.path.name}: no point lies within {MAX_RANGE_MM / 1e6:g} km of the scanner"
+        raise ScanError(what, "check the cloud and its unit")
+    return ViewSample(Surface.of(kept), cloud.layout, points, non_finite, check.doubt)
 
 
 def register_views(
@@ -188,23 +194,3 @@ def register_views(
         for view, pose, sample in zip(views, poses, samples, strict=True)
     )
     return Registration(placed, before, after, refinement)
-
-
-class _CountedBlocks:
-    """Blocks whose points are counted while they pass; `on_read` is called with the share of `count` that has."""
-
-    def __init__(
-        self, blocks: Iterator[Records], layout: Layout, count: int | None, on_read: OnProgress, range_: RangeCheck
-    ) -> None:
-        self._blocks, self._layout, self._count, self._on_read, self.range = blocks, layout, count, on_read, range_
-        self.points = self.non_finite = 0
-
-    def __iter__(self) -> Iterator[Records]:
-        for block in self._blocks:
-            self.points += len(block)
-            self.range.look(block, self._layout)
-            measured = block[self._layout.has_point(block)]
-            self.non_finite += len(block) - len(measured)
-            if self._count:
-                self._on_read(min(self.points / self._count, 1.0))
-            yield measured
