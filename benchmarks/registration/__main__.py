@@ -19,7 +19,7 @@ from calibration.solution import Solution
 from calibration.transforms import difference
 from registration.calibrate.outcome import judge_scan
 from registration.calibrate.sphere import solve_sphere_scan
-from registration.calibrate.sphere_solver import SphereView, solve_from_sphere
+from registration.calibrate.sphere_solver import solve_from_sphere
 from registration.calibrate.surfaces import solve_surface_scan
 from registration.fusion.overlap import agreement
 from registration.fusion.pose_adjustment import refine_poses
@@ -59,7 +59,7 @@ def stream(points: int) -> None:
     chunk = 1 << 16
 
     def ours() -> None:
-        moved = CloudStream("application/octet-stream", BASE_T_CAMERA, "mm")
+        moved = CloudStream.of_body("application/octet-stream", BASE_T_CAMERA, "mm")
         for start in range(0, len(body), chunk):
             list(moved.parts(body[start : start + chunk]))
         list(moved.last_parts())
@@ -98,7 +98,8 @@ def real(data: Path) -> None:
     """Nine views of real objects, X from the sphere."""
     spheres = read_scan(data / "reghec_sphere")
     fits = [find_artefact(sample.surface.points, 48.37) for sample in sample_views(spheres)]
-    x = solve_from_sphere([SphereView(fit.centre, view.base_T_flange) for fit, view in zip(fits, spheres, strict=True)])
+    centres_mm, base_T_flange = [fit.centre for fit in fits], [view.base_T_flange for view in spheres]
+    x = solve_from_sphere(np.array(centres_mm), np.array(base_T_flange))
     spread, left_out = x.spread_mm.round(3).tolist(), x.left_out_mm
     print(f"\nsphere centre over 9 views, plain formula: {spread} mm; left out: {np.round(left_out, 2)} mm")
     hand = ScannerMount("sphere", x.mount_T_camera)

@@ -10,7 +10,7 @@ from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Noise, Solution, ViewResult
 from calibration.transforms import Array, map_points
 from registration.calibrate.outcome import solution_with_x, solution_without_x
-from registration.calibrate.sphere_solver import SphereSolution, SphereView, solve_from_sphere
+from registration.calibrate.sphere_solver import SphereSolution, solve_from_sphere
 from registration.errors import SphereError
 from registration.points.sphere_fit import find_artefact
 from registration.scan import ScanView, sample_views, setup_of
@@ -35,7 +35,8 @@ def solve_sphere_scan(views: Sequence[ScanView], radius_mm: float) -> Solution:
     poses = np.array([views[index].base_T_flange for index in found]).reshape(-1, 4, 4)
     try:
         require_observable(poses)
-        answer = solve_from_sphere([SphereView(centres[index], views[index].anchor_T_mount) for index in found])
+        seen, mounts = [centres[index] for index in found], [views[index].anchor_T_mount for index in found]
+        answer = solve_from_sphere(np.array(seen), np.array(mounts))
     except UndeterminedError as error:
         why = [reasons.get(index, error.code) for index in range(len(views))]
         results = [ViewResult(index, None, "rejected", reason) for index, reason in enumerate(why)]

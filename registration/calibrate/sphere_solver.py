@@ -6,7 +6,6 @@ and s (3); each view gives 3 equations. A sphere has no orientation, so X's rota
 different places of the camera's field of view.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations, product
 
@@ -24,14 +23,6 @@ TRANSLATION_LIMIT_MM = 15.0
 OUTLIER_RATIO = 3.0
 """A view is rejected when the others agree this many times better without it; robot errors are far more even."""
 OUTLIER_SHARE = 0.25
-
-
-@dataclass(frozen=True, eq=False)
-class SphereView:
-    """The sphere's centre (3,) in the camera frame in mm, and the mount's pose."""
-
-    centre_mm: Array
-    anchor_T_mount: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +44,18 @@ class SphereSolution:
     used: tuple[int, ...]
 
 
-def solve_from_sphere(views: Sequence[SphereView]) -> SphereSolution:
-    """Maximum likelihood with robust weights. Raises UndeterminedError when the views do not determine X."""
-    if len(views) < MIN_VIEWS:
+def solve_from_sphere(centres_mm: Array, anchor_T_mount: Array) -> SphereSolution:
+    """Maximum likelihood with robust weights, of n views: the sphere's centre in the camera's frame (n, 3) mm, and the
+    mount's pose (n, 4, 4). Raises UndeterminedError when the views do not determine X."""
+    views = len(centres_mm)
+    if views < MIN_VIEWS:
         raise UndeterminedError(
-            "too-few-views", Sentence("sphere-views", views=len(views)), Sentence("scan-from", least=MIN_VIEWS)
+            "too-few-views", Sentence("sphere-views", views=views), Sentence("scan-from", least=MIN_VIEWS)
         )
-    poses, centres_mm = (np.array([getattr(view, name) for view in views]) for name in ("anchor_T_mount", "centre_mm"))
-    system = _SphereSystem(poses[:, :3, :3], poses[:, :3, 3], centres_mm)
-    kept = list(range(len(views)))
+    system = _SphereSystem(anchor_T_mount[:, :3, :3], anchor_T_mount[:, :3, 3], centres_mm)
+    kept = list(range(views))
     estimate = _solve(system)
-    while (len(views) - len(kept)) < OUTLIER_SHARE * len(views) and (bad := _outlier(system, estimate)) is not None:
+    while (views - len(kept)) < OUTLIER_SHARE * views and (bad := _outlier(system, estimate)) is not None:
         del kept[bad]
         system = system.without(bad)
         estimate = _descend(system, estimate)

@@ -7,7 +7,7 @@ import pytest
 
 from calibration.errors import UndeterminedError
 from calibration.transforms import Array, difference, inverse, map_points, transform
-from registration.calibrate.sphere_solver import SphereSolution, SphereView, solve_from_sphere
+from registration.calibrate.sphere_solver import SphereSolution, solve_from_sphere
 from registration.errors import SphereError
 from registration.points.sphere_fit import find_artefact, fit_sphere
 from registration.scan import ScannerMount, register_views, sample_views
@@ -53,13 +53,15 @@ def test_what_is_no_such_sphere_is_reported(points: Array, radius_mm: float, say
         find_artefact(points, radius_mm)
 
 
-def view(base_T_flange: Array, noise_mm: float = 0.0, seed: int = 0) -> SphereView:
+def centre_of(base_T_flange: Array, noise_mm: float = 0.0, seed: int = 0) -> Array:
     centre = map_points(inverse(base_T_flange @ FLANGE_T_CAMERA), CENTRE_IN_BASE[None])[0]
-    return SphereView(centre + np.random.default_rng(seed).normal(0, noise_mm, 3), base_T_flange)
+    noisy: Array = centre + np.random.default_rng(seed).normal(0, noise_mm, 3)
+    return noisy
 
 
 def solve(poses: list[Array], noise_mm: float = 0.0) -> SphereSolution:
-    return solve_from_sphere([view(pose, noise_mm, index) for index, pose in enumerate(poses)])
+    centres = [centre_of(pose, noise_mm, index) for index, pose in enumerate(poses)]
+    return solve_from_sphere(np.array(centres), np.array(poses))
 
 
 def test_exact_views_give_exactly_x() -> None:
@@ -75,8 +77,8 @@ def test_the_stated_uncertainty_is_the_real_one() -> None:
     errors, promised = [], []
     for trial in range(30):
         poses = looks(9, seed=2)
-        views = [view(pose, 0.3, 100 * trial + index) for index, pose in enumerate(poses)]
-        solution = solve_from_sphere(views)
+        centres = [centre_of(pose, 0.3, 100 * trial + index) for index, pose in enumerate(poses)]
+        solution = solve_from_sphere(np.array(centres), np.array(poses))
         errors.append(difference(solution.mount_T_camera, FLANGE_T_CAMERA))
         deviations = np.sqrt(np.diag(solution.covariance))
         promised.append((np.linalg.norm(deviations[3:]), np.linalg.norm(deviations[:3])))
@@ -86,10 +88,9 @@ def test_the_stated_uncertainty_is_the_real_one() -> None:
 
 def test_one_wrong_pose_is_left_out() -> None:
     poses = looks(9)
-    views = [view(pose, 0.1, index) for index, pose in enumerate(poses)]
-    bad = views[4].anchor_T_mount.copy()
-    bad[0, 3] += 25
-    solution = solve_from_sphere([*views[:4], SphereView(views[4].centre_mm, bad), *views[5:]])
+    centres, reported = [centre_of(pose, 0.1, index) for index, pose in enumerate(poses)], np.array(poses)
+    reported[4, 0, 3] += 25
+    solution = solve_from_sphere(np.array(centres), reported)
     assert solution.used == (0, 1, 2, 3, 5, 6, 7, 8)
     assert solution.spread_mm.max() < 0.2
     assert solution.left_out_mm is not None
@@ -126,9 +127,8 @@ def test_nine_real_views_of_a_sphere(real_data: Path) -> None:
     views = read_scan(real_data / "reghec_sphere")
     samples = sample_views(views)
     fits = [find_artefact(sample.surface.points, 48.37) for sample in samples]
-    solution = solve_from_sphere(
-        [SphereView(fit.centre, view.base_T_flange) for fit, view in zip(fits, views, strict=True)]
-    )
+    centres, poses = [fit.centre for fit in fits], [view.base_T_flange for view in views]
+    solution = solve_from_sphere(np.array(centres), np.array(poses))
     assert np.all(solution.spread_mm <= [0.50, 0.69, 0.61])
     assert solution.left_out_mm is not None
     assert solution.left_out_mm.max() < 3
@@ -139,7 +139,8 @@ def test_nine_real_views_of_a_sphere(real_data: Path) -> None:
 def test_a_real_object_of_nine_views_comes_together(real_data: Path) -> None:
     spheres = read_scan(real_data / "reghec_sphere")
     fits = [find_artefact(sample.surface.points, 48.37) for sample in sample_views(spheres)]
-    x = solve_from_sphere([SphereView(fit.centre, view.base_T_flange) for fit, view in zip(fits, spheres, strict=True)])
+    centres, poses = [fit.centre for fit in fits], [view.base_T_flange for view in spheres]
+    x = solve_from_sphere(np.array(centres), np.array(poses))
     views = read_scan(real_data / "reghec_duck")
     registration = register_views(views, sample_views(views), ScannerMount("sphere", x.mount_T_camera), refine=True)
     assert registration.before.rms_mm is not None
