@@ -93,7 +93,7 @@ def register_until(over: threading.Event) -> None:
     """Pass clouds through in pieces, as the daemon does."""
     piece = np.zeros((100_000, 3), np.float32).tobytes()
     while not over.is_set():
-        stream = CloudStream("application/octet-stream", np.eye(4), "mm")
+        stream = CloudStream.of_body("application/octet-stream", np.eye(4), "mm")
         for _ in range(POINTS // 100_000):
             for _part in stream.parts(piece):
                 pass

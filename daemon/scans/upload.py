@@ -51,7 +51,7 @@ async def receive_upload(
     file = folder / f".{name}.upload{SUFFIXES[media_type]}"
     try:
         async with workers.opened(_create, file) as out:
-            stream = None if media_type in WHOLE else CloudStream(media_type, np.eye(4), unit, range_check=check)
+            stream = None if media_type in WHOLE else CloudStream.of_body(media_type, np.eye(4), unit, check)
             async for chunk in body:
                 await workers.run(_append, out, file, stream, chunk)
             if stream is not None:

@@ -72,7 +72,7 @@ def _pass_through(source: Path, target: Path, motion: RigidMotion, durable: bool
             if span is not None:
                 return _move_records(file, out, header, span, motion)
             file.seek(0)
-            return _stream_through(file, out, CloudStream.with_parser(parser, motion, source.name))
+            return _stream_through(file, out, CloudStream(parser, motion, source.name))
 
 
 def _span(header: CloudHeader, size: int) -> Span | None:

@@ -1,6 +1,6 @@
 """Moves a cloud while it is transferred: bytes in, bytes out, same format, bounded memory, no I/O of its own.
 
-    stream = CloudStream("application/x-ply", base_T_camera, "m")
+    stream = CloudStream.of_body("application/x-ply", base_T_camera, "m")
     for chunk in body:
         send_all(stream.parts(chunk))
     send_all(stream.last_parts())
@@ -38,29 +38,10 @@ class CloudStream:
     """
 
     def __init__(
-        self,
-        media_type: str,
-        base_T_camera: ArrayLike,
-        unit: str | None,
-        *,
-        range_check: RangeCheck | None = None,
+        self, parser: HeaderParser, motion: RigidMotion, file: str, range_check: RangeCheck | None = None
     ) -> None:
-        """`range_check`: refuses, at the cloud's end, one whose unit cannot be."""
-        self._range = range_check
-        self._start(parser_of(media_type, BODY), RigidMotion.of(base_T_camera, unit), BODY)
-
-    @classmethod
-    def with_parser(cls, parser: HeaderParser, motion: RigidMotion, file: str) -> "CloudStream":
-        """For formats without a media type."""
-        stream = cls.__new__(cls)
-        stream._range = None
-        stream._start(parser, motion, file)
-        return stream
-
-    def _start(self, parser: HeaderParser, motion: RigidMotion, file: str) -> None:
-        self._file = file
-        self._parser = parser
-        self._motion = motion
+        """`file`: what errors call the cloud; `range_check`: refuses, at its end, one whose unit cannot be."""
+        self._parser, self._motion, self._file, self._range = parser, motion, file, range_check
         self._prefix = b""
         self.header: CloudHeader | None = None
         """The parsed header, None until it is complete."""
@@ -68,6 +49,13 @@ class CloudStream:
         self._encoder: TextEncoder | None = None
         self._free: deque[NDArray[np.uint8]] = deque(maxlen=2)
         """Memory of pieces that nobody holds any more; new memory costs a page fault every 4 kB."""
+
+    @classmethod
+    def of_body(
+        cls, media_type: str, base_T_camera: ArrayLike, unit: str | None, range_check: RangeCheck | None = None
+    ) -> "CloudStream":
+        """Of a request's body."""
+        return cls(parser_of(media_type, BODY), RigidMotion.of(base_T_camera, unit), BODY, range_check)
 
     @property
     def in_range(self) -> bool:

@@ -95,5 +95,5 @@ async def register(
         app.metrics.registered_points += points
         app.metrics.registered_bytes += file.stat().st_size
         return TemporaryFileResponse(file, media_type=PLY if media_type == NPZ else media_type, headers=headers)
-    stream = CloudStream(media_type, base_T_scanner, unit, range_check=check)
+    stream = CloudStream.of_body(media_type, base_T_scanner, unit, check)
     return CloudResponse(stream, media_type, headers, app.store.folder, app.metrics.count_cloud)

@@ -40,7 +40,7 @@ def encode(media_type: str, encoding: str, layout: Layout, records: np.ndarray) 
 
 
 def through(body: bytes, media_type: str, cuts: list[int] | None = None, unit: str = "mm") -> tuple[bytes, CloudStream]:
-    stream = CloudStream(media_type, BASE_T_CAMERA, unit)
+    stream = CloudStream.of_body(media_type, BASE_T_CAMERA, unit)
     edges = [0, *sorted(cuts or []), len(body)]
     out = b"".join(part for start, end in itertools.pairwise(edges) for part in stream.parts(body[start:end]))
     return out + b"".join(stream.last_parts()), stream
@@ -105,7 +105,7 @@ def test_byte_by_byte(media_type: str, encoding: str, layout: Layout) -> None:
 def test_a_part_stays_as_it_is_until_it_is_let_go(media_type: str, encoding: str, layout: Layout, kept: int) -> None:
     """The chunks come in one buffer, of which the next is read; memory of a part that was let go is used again."""
     body = body_of(media_type, encoding, layout, 3000)
-    stream, buffer, out = CloudStream(media_type, BASE_T_CAMERA, "mm"), bytearray(2001), b""
+    stream, buffer, out = CloudStream.of_body(media_type, BASE_T_CAMERA, "mm"), bytearray(2001), b""
     held: collections.deque[bytes | memoryview] = collections.deque()
     for start in range(0, len(body), len(buffer)):
         chunk = memoryview(buffer)[: len(body) - start]
@@ -158,7 +158,7 @@ def test_metres_become_millimetres() -> None:
 @pytest.mark.parametrize("unit", [None, "inch", ""])
 def test_an_unstated_unit_is_asked_for(unit: str | None) -> None:
     with pytest.raises(UnitUnknown, match="'m' or 'mm'"):
-        CloudStream(PLY, BASE_T_CAMERA, unit)
+        CloudStream.of_body(PLY, BASE_T_CAMERA, unit)
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_an_unstated_unit_is_asked_for(unit: str | None) -> None:
 )
 def test_a_transform_that_is_no_motion_is_refused(matrix: np.ndarray, says: str) -> None:
     with pytest.raises(MotionError, match=says):
-        CloudStream(PLY, matrix, "mm")
+        CloudStream.of_body(PLY, matrix, "mm")
 
 
 def test_points_that_are_not_finite_pass_and_are_counted() -> None:
@@ -236,7 +236,7 @@ def test_faces_and_cameras_come_out_bit_for_bit() -> None:
     assert out.endswith(faces)
     for cuts in ([len(header) + 3], [len(body) - 5, len(body) - 4], list(range(len(body)))):
         assert through(body, PLY, cuts)[0] == out
-    stream, buffer = CloudStream(PLY, BASE_T_CAMERA, "mm"), bytearray(body)
+    stream, buffer = CloudStream.of_body(PLY, BASE_T_CAMERA, "mm"), bytearray(body)
     parts = list(stream.parts(buffer))
     buffer[:] = bytes(len(buffer))
     assert b"".join(parts) == out
@@ -322,7 +322,7 @@ def test_normals_of_several_numbers_are_no_normals_and_pass_by() -> None:
 def test_something_else_is_reported_at_the_first_byte() -> None:
     for media_type in (PLY, PCD):
         with pytest.raises(CloudFormatError, match="byte 0"):
-            list(CloudStream(media_type, BASE_T_CAMERA, "mm").parts(b"\x89PNG"))
+            list(CloudStream.of_body(media_type, BASE_T_CAMERA, "mm").parts(b"\x89PNG"))
 
 
 def test_the_viewpoint_is_the_origin_after_the_move() -> None:
@@ -344,14 +344,14 @@ def test_a_line_without_end_is_refused_in_bounded_memory() -> None:
 
 def test_other_media_types_are_refused_with_the_known_ones() -> None:
     with pytest.raises(CloudUnsupported, match="application/x-ply"):
-        CloudStream("image/png", BASE_T_CAMERA, "mm")
+        CloudStream.of_body("image/png", BASE_T_CAMERA, "mm")
 
 
 def test_far_away_coordinates_keep_their_digits() -> None:
     far = BASE_T_CAMERA.copy()
     far[:3, 3] = [4.5e5, -9.9e5, 1e6]
     records = cloud(XYZ_FLOAT64, 100)
-    stream = CloudStream(PLY, far, "mm")
+    stream = CloudStream.of_body(PLY, far, "mm")
     out = b"".join([*stream.parts(ply.format_header(XYZ_FLOAT64, 100) + records.tobytes()), *stream.last_parts()])
     np.testing.assert_allclose(xyz(records_in(out, PLY)), moved(records, far), rtol=0, atol=2e-9)
 
