@@ -7,7 +7,6 @@ from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field
 
 from calibration.documents.calibration import FindingDocument
@@ -21,7 +20,7 @@ from registration.documents import Positive, RegistrationReportDocument, Seconds
 from registration.errors import ScanError
 from registration.fusion.concatenation import MergedCloud, PlacedCloud, merge_clouds
 from registration.fusion.merging import EVERY_POINT, Merge
-from registration.fusion.stitching import StitchingGap, measure_gap
+from registration.fusion.stitching import StitchedPairDocument, measure_gap
 from registration.io.convert import move_file
 from registration.io.durable_file import GuardedFile
 from registration.points.range_check import POSSIBLE_MM, range_of
@@ -64,29 +63,6 @@ class ScanDocument(Document):
     """Nearest and farthest at which the scanner measures, as its data sheet states; null where that is not known."""
     views: list[ScanViewDocument]
     """The clouds of one part."""
-
-
-class StitchedPairDocument(Document):
-    """Two views of one surface: by how much the second lies off the first, in the base."""
-
-    views: tuple[int, int]
-    """Numbers of the two views, from 0."""
-    gap_mm: float
-    """Median distance along the first's normals, positive towards its scanner, mm."""
-    width_mm: float
-    """Width of the middle 95 % of the distances, mm."""
-    base_offset_mm: tuple[float, float, float]
-    """The shift that explains the distances best, along the base's axes, mm."""
-    offset_mm: float
-    """Its length, mm."""
-    directions: tuple[tuple[float, float, float], ...]
-    """Directions in the base that the normals show: one of a plane, two of an edge, three of a corner."""
-    sigma_mm: tuple[float, ...]
-    """Of the shift along each direction, by the scanner's noise, mm."""
-    pairs: int
-    """Number of pairs of points."""
-    overlap: float
-    """Share of the second's points that have a partner, 0 to 1."""
 
 
 class StitchingDocument(Document):
@@ -199,28 +175,11 @@ def stitch_views(views: Sequence[ScanView], mount: ScannerMount, reach_mm: float
     placed = register_views(views, samples, mount).views
     pairs: list[StitchedPairDocument] = []
     for first, second in combinations(range(len(views)), 2):
-        poses = placed[first].base_T_camera, placed[second].base_T_camera
+        one, other = ((samples[index].surface, placed[index].base_T_camera) for index in (first, second))
         with suppress(ScanError):  # these two have no surface in common
-            found = measure_gap(samples[first].surface, poses[0], samples[second].surface, poses[1], reach_mm)
-            pairs.append(_stitched(first, second, found))
+            pairs.append(measure_gap((first, second), one, other, reach_mm))
     if not pairs:
         fix = "scan one surface from several views, or look further with reach_mm"
         raise ScanError("no two views show the same surface", fix)
     largest_mm = max(max(abs(pair.gap_mm), pair.offset_mm) for pair in pairs)
     return StitchingDocument(calibration_id=mount.calibration_id, largest_mm=largest_mm, pairs=tuple(pairs))
-
-
-def _stitched(first: int, second: int, found: StitchingGap) -> StitchedPairDocument:
-    return StitchedPairDocument.model_validate(
-        {
-            "views": [first, second],
-            "gap_mm": round(found.gap_mm, 6),
-            "width_mm": round(found.width_mm, 6),
-            "base_offset_mm": found.base_offset_mm.round(6).tolist(),
-            "offset_mm": round(float(np.linalg.norm(found.base_offset_mm)), 6),
-            "directions": found.directions.round(6).tolist(),
-            "sigma_mm": found.sigma_mm.round(6).tolist(),
-            "pairs": found.pairs,
-            "overlap": round(found.overlap, 4),
-        }
-    )

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from daemon.tools.batch_registration.tasks import RegistrationTask
     from registration.documents import RegistrationReportDocument
     from registration.fusion.merging import Outliers
-    from registration.scan_folder import StitchedPairDocument
+    from registration.fusion.stitching import StitchedPairDocument
 
 
 def register(

@@ -1,9 +1,8 @@
 """Stitching: by how much two views of one surface or edge lie apart in the base."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from calibration.documents.validation import Document
 from calibration.transforms import Array
 from registration.errors import ScanError
 from registration.fusion.overlap import correspond, reach_of
@@ -13,37 +12,43 @@ MIN_NORMAL_SHARE = 0.02
 """Directions with a smaller share of the squared normals are not shown: the surfaces slide along them."""
 
 
-@dataclass(frozen=True, eq=False)
-class StitchingGap:
-    """Where the second view's surface lies less the first's, over the `pairs` of points that both saw.
+class StitchedPairDocument(Document):
+    """Two views of one surface: by how much the second lies off the first, in the base."""
 
-    gap_mm : median distance along the first surface's normals, positive towards its scanner.
-    width_mm : of the middle 95 % of the distances: noise, and what no shift explains.
-    base_offset_mm : (3,) the shift that explains the distances best, along the `directions` (k, 3) that normals show:
-        one for a plane, two for an edge, three for a corner; 0 along others.
-    sigma_mm : (k,) standard deviation of the shift along these directions by the scanner's noise alone.
-    overlap : share of the second view's points that the first has seen.
-    """
-
-    pairs: int
+    views: tuple[int, int]
+    """Numbers of the two views, from 0."""
     gap_mm: float
+    """Median distance along the first's normals, positive towards its scanner, mm."""
     width_mm: float
-    base_offset_mm: Array
-    directions: Array
-    sigma_mm: Array
+    """Width of the middle 95 % of the distances, mm."""
+    base_offset_mm: tuple[float, float, float]
+    """The shift that explains the distances best, along the base's axes, mm."""
+    offset_mm: float
+    """Its length, mm."""
+    directions: tuple[tuple[float, float, float], ...]
+    """Directions in the base that the normals show: one of a plane, two of an edge, three of a corner."""
+    sigma_mm: tuple[float, ...]
+    """Of the shift along each direction, by the scanner's noise, mm."""
+    pairs: int
+    """Number of pairs of points."""
     overlap: float
+    """Share of the second's points that have a partner, 0 to 1."""
+
+
+Placed = tuple[Surface, Array]
+"""A view's surface in the scanner's frame, and base_T_scanner (4, 4)."""
 
 
 def measure_gap(
-    first: Surface, base_T_first: Array, second: Surface, base_T_second: Array, reach_mm: float | None = None
-) -> StitchingGap:
-    """The gap between two views (surfaces in their scanners' frames, poses (4, 4)); `reach_mm`: largest distance looked
-    for, by default 4 mm or four spacings.
+    numbers: tuple[int, int], first: Placed, second: Placed, reach_mm: float | None = None
+) -> StitchedPairDocument:
+    """Where the second view's surface lies less the first's, over the points that both saw, rounded to 1 nm.
 
-    Raises ScanError when fewer than 100 points of the views are counterparts.
+    `numbers`: of the two views; `reach_mm`: largest distance looked for, by default 4 mm or four spacings. Raises
+    ScanError when fewer than 100 points of the views are counterparts.
     """
-    reach = reach_of([first, second]) if reach_mm is None else reach_mm
-    pairs = correspond(second, base_T_second, first, base_T_first, reach)
+    reach = reach_of([first[0], second[0]]) if reach_mm is None else reach_mm
+    pairs = correspond(*second, *first, reach)
     if not pairs.enough:
         what = f"{len(pairs.gaps)} points of the views are counterparts within {reach:g} mm"
         raise ScanError(what, "choose views that overlap, or look further with reach_mm")
@@ -54,7 +59,18 @@ def measure_gap(
     rest = pairs.gaps - along @ shift
     scatter = 1.4826 * float(np.median(np.abs(rest - np.median(rest))))
     low, high = np.quantile(pairs.gaps, [0.025, 0.975])
-    return StitchingGap(
-        len(pairs.gaps), float(np.median(pairs.gaps)), float(high - low), axes[:, shown] @ shift, axes[:, shown].T,
-        scatter * np.sqrt(CORRELATED_POINTS / (len(pairs.gaps) * shares[shown])), pairs.fraction,
-    )  # fmt: skip
+    base_offset_mm = axes[:, shown] @ shift
+    sigma_mm = scatter * np.sqrt(CORRELATED_POINTS / (len(pairs.gaps) * shares[shown]))
+    return StitchedPairDocument.model_validate(
+        {
+            "views": numbers,
+            "gap_mm": round(float(np.median(pairs.gaps)), 6),
+            "width_mm": round(float(high - low), 6),
+            "base_offset_mm": base_offset_mm.round(6).tolist(),
+            "offset_mm": round(float(np.linalg.norm(base_offset_mm)), 6),
+            "directions": axes[:, shown].T.round(6).tolist(),
+            "sigma_mm": sigma_mm.round(6).tolist(),
+            "pairs": len(pairs.gaps),
+            "overlap": round(pairs.fraction, 4),
+        }
+    )

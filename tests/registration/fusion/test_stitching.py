@@ -5,7 +5,7 @@ import pytest
 
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from registration.errors import ScanError
-from registration.fusion.stitching import StitchingGap, measure_gap
+from registration.fusion.stitching import StitchedPairDocument, measure_gap
 from registration.points.surface import Surface
 
 FIRST = transform(rotation_from_vector([np.pi, 0.1, 0.0]), [20.0, -30.0, 500.0])
@@ -27,7 +27,7 @@ def faces(count: int, rng: np.random.Generator) -> Array:
     return np.concatenate(points)
 
 
-def gap(count: int, off_mm: Array, noise_mm: float = 0.02, reach_mm: float | None = None) -> StitchingGap:
+def gap(count: int, off_mm: Array, noise_mm: float = 0.02, reach_mm: float | None = None) -> StitchedPairDocument:
     """Of two views of the faces, the second `off_mm` too far in the base."""
     rng = np.random.default_rng(count)
     views = []
@@ -36,7 +36,7 @@ def gap(count: int, off_mm: Array, noise_mm: float = 0.02, reach_mm: float | Non
         views.append(Surface.of(map_points(inverse(pose), seen + rng.normal(0, noise_mm, seen.shape))))
     moved = SECOND.copy()
     moved[:3, 3] += off_mm
-    return measure_gap(views[0], FIRST, views[1], moved, reach_mm)
+    return measure_gap((0, 1), (views[0], FIRST), (views[1], moved), reach_mm)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
@@ -65,7 +65,8 @@ def test_a_corner_shows_the_whole_shift(off_mm: list[float]) -> None:
 def test_an_edge_shows_the_shift_across_it() -> None:
     off = np.array([0.3, 0.1, 0.5])
     found = gap(2, off)
-    shown = found.directions.T @ found.directions @ off
+    directions = np.array(found.directions)
+    shown = directions.T @ directions @ off
     np.testing.assert_allclose(found.base_offset_mm, shown, atol=0.06)
 
 
