@@ -10,7 +10,7 @@ class SectionPassage:
 
     def __init__(self, elements: tuple[Element, ...], encoding: Encoding, file: str) -> None:
         self._file = file
-        self._walk = _Lines(elements) if encoding == "text" else _Bytes(elements)
+        self._walk = _Lines(elements) if encoding == "text" else BinaryWalker(elements)
 
     @property
     def complete(self) -> bool:
@@ -29,27 +29,6 @@ class SectionPassage:
             raise CloudTruncated(
                 self._file, self._walk.place, "the data end here", "send or copy the whole cloud again"
             )
-
-
-class _Bytes(BinaryWalker):
-    """Binary elements; a record cut by a boundary is buffered until complete, in bounded memory."""
-
-    def __init__(self, elements: tuple[Element, ...]) -> None:
-        super().__init__(elements)
-        self._cut = b""
-
-    def take(self, data: memoryview) -> int:
-        content = self._cut + data
-        whole = super().take(memoryview(content))
-        if self.complete:
-            used = whole - len(self._cut)
-            self._cut = b""
-            return used
-        self._cut = content[whole:]
-        return len(data)
-
-    def finish(self) -> None:
-        """Nothing to do: bytes are passed on before their record is complete."""
 
 
 class _Lines:

@@ -49,11 +49,12 @@ class RecordTooLong(Exception):
 
 
 class BinaryWalker:
-    """Measures binary elements: `take` returns how many of the given bytes are complete records."""
+    """Measures binary elements; a record cut by a boundary is buffered until complete, in bounded memory."""
 
     def __init__(self, elements: tuple[Element, ...]) -> None:
         self._elements = [element for element in elements if element.count and element.properties]
         self._left = [element.count for element in self._elements]
+        self._cut = b""
 
     @property
     def complete(self) -> bool:
@@ -68,21 +69,26 @@ class BinaryWalker:
         return f"{element.name} {element.count - self._left[0]}"
 
     def take(self, data: memoryview) -> int:
-        """Bytes of `data` that belong to complete records. Raises RecordTooLong."""
-        position = 0
+        """How many bytes of `data` belong to the elements. Raises RecordTooLong."""
+        content, position = memoryview(self._cut + data), 0
         while self._elements:
             element, left = self._elements[0], self._left[0]
             if element.lists:
-                taken, size = _walk(element, left, data[position:])
+                taken, size = _walk(element, left, content[position:])
             else:
-                taken = min(left, (len(data) - position) // element.itemsize)
+                taken = min(left, (len(content) - position) // element.itemsize)
                 size = taken * element.itemsize
             position += size
             self._left[0] -= taken
             if self._left[0]:
                 break
             self._elements.pop(0), self._left.pop(0)
-        return position
+        used = position - len(self._cut) if self.complete else len(data)
+        self._cut = b"" if self.complete else bytes(content[position:])
+        return used
+
+    def finish(self) -> None:
+        """Nothing to do: bytes are passed on before their record is complete."""
 
 
 def _walk(element: Element, left: int, data: memoryview) -> tuple[int, int]:
