@@ -66,41 +66,55 @@ def translate_errors(file: str, place: str, *further: type[Exception]) -> Iterat
         raise CloudFormatError(file, place, what, "copy the whole file again") from None
 
 
+def open_las(file: GuardedFile, header: las.LasHeader, *, packed: bool) -> tuple[Any, tuple[type[Exception], ...]]:
+    """laspy's reader of a file with this header, and what it raises on damage. `packed`: LAZ is read, or written.
+
+    Raises CloudError's leaves.
+    """
+    laspy = library("laspy", "las", file.name)
+    errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException,)
+    if packed:
+        errors += (library("lazrs", "las", file.name).LazrsError,)
+    with translate_errors(file.name, "header", *errors):
+        if header.compressed:
+            require_sound_chunks(file, header, library("lazrs", "las", file.name))
+        file.seek(0)
+        return laspy.open(file.raw, closefd=False), errors
+
+
+def las_chunks(reader: Any, most: int, name: str, errors: tuple[type[Exception], ...]) -> Iterator[tuple[int, Any]]:
+    """laspy's records, at most so many at a time, with the number of those before. Raises CloudError's leaves."""
+    seen, expected = 0, int(reader.header.point_count)
+    while seen < expected:
+        with translate_errors(name, f"point {seen}", *errors):
+            chunk = reader.read_points(min(most, expected - seen))
+        if not len(chunk):
+            what = f"the header promises {expected} points, the file has {seen}"
+            raise CloudTruncated(name, f"point {seen}", what, "copy the whole file again")
+        yield seen, chunk
+        seen += len(chunk)
+
+
 def las_source(file: GuardedFile, name: str, *, compressed: bool) -> CloudSource:
     """A LAS or LAZ file: x, y, z and all dimensions, including extra ones. Raises CloudError's leaves."""
     head = las.read_whole_header(file)
-    laspy = library("laspy", "las", name)
-    errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException,)
-    if compressed or head.compressed:
-        errors += (library("lazrs", "las", name).LazrsError,)
+    reader, errors = open_las(file, head, packed=compressed or head.compressed)
     with translate_errors(name, "header", *errors):
-        if head.compressed:
-            require_sound_chunks(file, head, library("lazrs", "las", name))
-            file.seek(0)
-        reader = laspy.open(file.raw, closefd=False)
-        header = reader.header
-        count = int(header.point_count)
-        names = [each for each in header.point_format.dimension_names if each not in ("X", "Y", "Z")]
+        names = [each for each in reader.header.point_format.dimension_names if each not in ("X", "Y", "Z")]
         record = reader.read_points(0)
         held = {each: np.asarray(record[each]) for each in names}
         columns = [(each, empty.dtype.newbyteorder("="), empty.shape[1:]) for each, empty in held.items()]
         layout = Layout.of(np.dtype([("x", "f8"), ("y", "f8"), ("z", "f8"), *columns]))
 
     def blocks() -> Iterator[Records]:
-        seen = 0
-        while seen < count:
+        for seen, chunk in las_chunks(reader, BLOCK_POINTS, name, errors):
             with translate_errors(name, f"point {seen}", *errors):
-                chunk = reader.read_points(min(BLOCK_POINTS, count - seen))
                 block = np.zeros(len(chunk), layout.dtype)
                 for column in layout.dtype.names or ():
                     block[column] = np.asarray(chunk[column])
-            if not len(block):
-                what = f"the header promises {count} points, the file has {seen}"
-                raise CloudTruncated(name, f"point {seen}", what, "copy the whole file again")
-            seen += len(block)
             yield block
 
-    return CloudSource(layout, count, blocks)
+    return CloudSource(layout, int(reader.header.point_count), blocks)
 
 
 def e57_source(file: GuardedFile, name: str) -> CloudSource:

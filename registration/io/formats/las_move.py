@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from registration.errors import CloudIOError, CloudTruncated
+from registration.errors import CloudIOError
 from registration.io.durable_file import GuardedFile
-from registration.io.formats.extras import library, translate_errors
+from registration.io.formats.extras import las_chunks, library, open_las, translate_errors
 from registration.io.formats.las import (
     HEADER_BYTES,
     LasFrame,
@@ -21,7 +21,6 @@ from registration.io.formats.las import (
     require_fit,
     rewrite_header,
 )
-from registration.io.formats.laz import require_sound_chunks
 from registration.io.parallel_copy import THREADS, Span, copy_span, move_span
 from registration.points.layout import Array, Layout
 from registration.points.rigid_motion import IntegerMover, RigidMotion
@@ -60,18 +59,13 @@ def _through_laspy(
 ) -> int:
     """Move LAZ, as source, target or both."""
     name = source.name
-    laspy = library("laspy", "las", name)
-    lazrs = library("lazrs", "las", name)
-    errors: tuple[type[Exception], ...] = (laspy.errors.LaspyException, lazrs.LazrsError)
-    with translate_errors(name, "header", *errors):
-        if sound.compressed:
-            require_sound_chunks(source, sound, lazrs)
-        source.seek(0)
-        reader = laspy.open(source.raw, closefd=False)
-        header = copy.deepcopy(reader.header)
+    reader, errors = open_las(source, sound, packed=True)
+    header = copy.deepcopy(reader.header)
     header.scales, header.offsets = frame.scales, frame.offsets
     try:
-        with laspy.open(target.raw, mode="w", header=header, do_compress=compress, closefd=False) as writer:
+        with library("laspy", "las", name).open(
+            target.raw, mode="w", header=header, do_compress=compress, closefd=False
+        ) as writer:
             return _pass(reader, writer, matrix, errors, name)
     except OSError as error:
         what = f"it cannot be written ({error.strerror})"
@@ -82,16 +76,9 @@ def _pass(reader: Any, writer: Any, matrix: Array, errors: tuple[type[Exception]
     with translate_errors(name, "point 0", *errors):
         empty = reader.read_points(0)
     mover = IntegerMover(matrix, Layout(empty.array.dtype, XYZ))
-    seen, expected = 0, int(reader.header.point_count)
-    while seen < expected:
-        with translate_errors(name, f"point {seen}", *errors):
-            chunk = reader.read_points(min(BLOCK_POINTS, expected - seen))
-        if not len(chunk):
-            what = f"the header promises {expected} points, the file has {seen}"
-            raise CloudTruncated(name, f"point {seen}", what, "copy the whole file again")
+    for _, chunk in las_chunks(reader, BLOCK_POINTS, name, errors):
         array = mover.move(chunk.array)
         require_fit(mover.least, mover.most, name)
         header = writer.header
         writer.write_points(type(empty)(array, header.point_format, header.scales, header.offsets))
-        seen += len(chunk)
-    return seen
+    return int(reader.header.point_count)

@@ -41,11 +41,7 @@ class Element:
 
 
 class RecordTooLong(Exception):
-    """A list's length is negative or absurd; `element` names the record's kind, `length` the value read."""
-
-    def __init__(self, element: str, length: int) -> None:
-        self.element, self.length = element, length
-        super().__init__(f"a list of {length} in element {element!r}")
+    """A list's length is negative or absurd."""
 
 
 class BinaryWalker:
@@ -127,7 +123,7 @@ def _measure(element: Element, data: memoryview, start: int) -> tuple[int, list[
                 return None
             count = int(np.frombuffer(raw, item.length)[0])
             if not 0 <= count * item.kind.itemsize <= LIST_BYTES_LIMIT:
-                raise RecordTooLong(element.name, count)
+                raise RecordTooLong(f"a list of {count} in element {element.name!r}")
             lengths.append((position - start, np.frombuffer(raw, np.uint8)))
             position += item.length.itemsize
         position += count * item.kind.itemsize
