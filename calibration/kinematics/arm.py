@@ -32,7 +32,7 @@ STRAIGHT_WRIST_SAMPLES = 19
 """Values of axis 4 that stand for its quarter turn where it is free: one every 5°."""
 
 RIGID_TOLERANCE = 1e-6
-_BEHIND_AXIS_1, _BEHIND_LOWER_ARM, _AXIS_5_NEGATIVE = 4, 2, 1
+_BITS = _BEHIND_AXIS_1, _BEHIND_LOWER_ARM, _AXIS_5_NEGATIVE = 4, 2, 1
 _CFX = np.arange(8)
 _FRONT = np.where(_CFX & _BEHIND_AXIS_1, -1.0, 1.0)
 _ELBOW = np.where(_CFX & _BEHIND_LOWER_ARM, -1.0, 1.0)
@@ -84,7 +84,7 @@ class OtherConfiguration(UnreachablePoseError):
 
 
 class LimitedJoints:
-    """What every arm does with the limits of its axes."""
+    """What every arm does with the limits of its axes and with its configurations."""
 
     name: str
     lower_rad: tuple[float, ...]
@@ -95,6 +95,33 @@ class LimitedJoints:
         excess = self._excess_rad(checked_joints(joints_rad, len(self.lower_rad)))
         if excess.max() > LIMIT_SLACK_RAD:
             raise OutsideJointLimits(self.name, int(excess.argmax()) + 1, float(excess.max()))
+
+    def configuration(self, joints_rad: ArrayLike) -> Configuration:
+        """ABB confdata of joints (n,)."""
+        q = checked_joints(joints_rad, len(self.lower_rad))
+        cf1, cf4, cf6 = (int(np.floor(q[axis] / (np.pi / 2))) for axis in (0, 3, 5))
+        return Configuration(
+            cf1, cf4, cf6, sum(bit for bit, side in zip(_BITS, self._sides(q), strict=True) if side < 0)
+        )
+
+    def _of_configuration(self, solutions: Array, wanted: Configuration) -> Array:
+        """Those of the joints (k, n), k >= 1, in that configuration. Raises OtherConfiguration."""
+        fitting: Array = solutions[[self._has_configuration(joints, wanted) for joints in solutions]]
+        if not len(fitting):
+            raise OtherConfiguration(wanted, tuple(dict.fromkeys(self.configuration(joints) for joints in solutions)))
+        return fitting
+
+    def _has_configuration(self, joints: Array, wanted: Configuration) -> bool:
+        """Whether joints (n,) have that configuration, within QUADRANT_SLACK_RAD."""
+        quarters = joints[[0, 3, 5]] / (np.pi / 2) - np.array(wanted[:3])
+        slack = QUADRANT_SLACK_RAD
+        in_quadrants = np.all((quarters >= -slack) & (quarters <= 1 + slack))
+        signs = np.where([wanted.cfx & bit for bit in _BITS], -1, 1)
+        return bool(in_quadrants and np.all(signs * self._sides(joints) >= -slack))
+
+    def _sides(self, q: Array) -> Array:
+        """Signed distances (..., 3) of joints (..., n) from the postures that part the bits 4, 2 and 1 of cfx."""
+        raise NotImplementedError
 
     def _excess_rad(self, joints: Array) -> Array:
         excess: Array = np.maximum(np.array(self.lower_rad) - joints, joints - np.array(self.upper_rad))
@@ -272,19 +299,7 @@ class Arm(LimitedJoints):
 
     def _all_matching(self, base_T_flange: Array, wanted: Configuration, near: Array) -> Array:
         """The solutions (n, 6), n >= 1, in that configuration; a free joint is as in `near`. Raises as `matching`."""
-        solutions = self._within_limits(base_T_flange, near, SINGULAR_ON_THE_WIRE)
-        fitting: Array = solutions[[self._has_configuration(joints, wanted) for joints in solutions]]
-        if not len(fitting):
-            raise OtherConfiguration(wanted, tuple(dict.fromkeys(self.configuration(joints) for joints in solutions)))
-        return fitting
-
-    def configuration(self, joints_rad: ArrayLike) -> Configuration:
-        """ABB confdata of joints (6,)."""
-        q = checked_joints(joints_rad)
-        cf1, cf4, cf6 = (int(np.floor(q[axis] / (np.pi / 2))) for axis in (0, 3, 5))
-        bits = (_BEHIND_AXIS_1, _BEHIND_LOWER_ARM, _AXIS_5_NEGATIVE)
-        cfx = sum(bit for bit, side in zip(bits, self._sides(q), strict=True) if side < 0)
-        return Configuration(cf1, cf4, cf6, cfx)
+        return self._of_configuration(self._within_limits(base_T_flange, near, SINGULAR_ON_THE_WIRE), wanted)
 
     def singularity_clearance(self, joints_rad: ArrayLike) -> Array:
         """Distance (...) of joints (..., 6) from the nearest singularity: 0 on it, at most 1 (dimensionless).
@@ -308,14 +323,7 @@ class Arm(LimitedJoints):
         return np.stack([forward / self.reach_mm, np.sin(q[..., 2] + rest), np.sin(q[..., 4])], -1)
 
     def _has_configuration(self, joints: Array, wanted: Configuration) -> bool:
-        """Whether joints (6,) have that configuration, within QUADRANT_SLACK_RAD."""
-        quarters = joints[[0, 3, 5]] / (np.pi / 2) - np.array(wanted[:3])
-        slack = QUADRANT_SLACK_RAD
-        in_quadrants = np.all((quarters >= -slack) & (quarters <= 1 + slack))
-        bits = np.array([wanted.cfx & _BEHIND_AXIS_1, wanted.cfx & _BEHIND_LOWER_ARM, wanted.cfx & _AXIS_5_NEGATIVE])
-        return bool(
-            wanted.cfx in _CFX and in_quadrants and np.all(np.where(bits, -1, 1) * self._sides(joints) >= -slack)
-        )
+        return wanted.cfx in _CFX and super()._has_configuration(joints, wanted)
 
     def _within_limits(self, base_T_flange: Array, near_rad: ArrayLike | None, singular: float) -> Array:
         branches = self.branches(base_T_flange, near_rad, singular)

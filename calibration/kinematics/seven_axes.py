@@ -15,12 +15,10 @@ from numpy.typing import ArrayLike
 
 from calibration.kinematics.arm import (
     LIMIT_SLACK_RAD,
-    QUADRANT_SLACK_RAD,
     TOOL0_IN_AXIS_6,
     Arm,
     Configuration,
     LimitedJoints,
-    OtherConfiguration,
     OutOfReach,
     OutsideJointLimits,
     UnreachablePoseError,
@@ -35,9 +33,6 @@ OUTWARDS = np.array([0, 1, 6, 2, 3, 4, 5])
 """Axes from the base outwards, as indices of joints (7,)."""
 _TURNS = (rotation_z, rotation_y, rotation_z, rotation_y, rotation_x, rotation_y, rotation_x)
 _DIRECTIONS = np.eye(3)[[2, 1, 2, 1, 0, 1, 0]]
-
-NEGATIVE = ((4, 1), (2, 2), (1, 4))
-"""Parts of cfx, and the indices of the axes that are negative with them."""
 
 STEPS = 20
 """Of Newton's method; from most starts it converges in 5 to 15."""
@@ -93,15 +88,6 @@ class SevenAxisArm(LimitedJoints):
         points, directions, _ = self._chain(checked_joints(joints_rad, AXES))
         return _arm_angle(points, directions)
 
-    def configuration(self, joints_rad: ArrayLike) -> Configuration:
-        """Quarter turns of axes 1, 4 and 6, and as cfx 4 (axis 2 negative) + 2 (axis 3) + 1 (axis 5).
-
-        What ABB's cfx means for seven axes is in no source that was found: this one is the mock's own.
-        """
-        q = checked_joints(joints_rad, AXES)
-        cf1, cf4, cf6 = (int(np.floor(q[axis] / (np.pi / 2))) for axis in (0, 3, 5))
-        return Configuration(cf1, cf4, cf6, sum(bit for bit, axis in NEGATIVE if q[axis] < 0))
-
     def nearest(self, base_T_flange: ArrayLike, joints_now_rad: ArrayLike) -> Array:
         """Joints (7,) within the limits, from `joints_now_rad` (7,) with the least turning of all axes together.
 
@@ -126,24 +112,15 @@ class SevenAxisArm(LimitedJoints):
         """
         near, pose, wanted = checked_joints(near_rad, AXES), checked_poses(base_T_flange), Configuration(*configuration)
         with suppress(UnreachablePoseError):
-            return self._of_configuration(self._solve(pose, near[None], arm_angle_rad), wanted, near)
-        return self._of_configuration(self._solve(pose, self._starts(), arm_angle_rad), wanted, near)
+            found = self._within_limits(self._solve(pose, near[None], arm_angle_rad))
+            return _nearest(self._of_configuration(found, wanted), near)
+        found = self._within_limits(self._solve(pose, self._starts(), arm_angle_rad))
+        return _nearest(self._of_configuration(found, wanted), near)
 
-    def _of_configuration(self, found: Array, wanted: Configuration, near: Array) -> Array:
-        """Of joints (n, 7) the nearest with that configuration within the limits. Raises UnreachablePoseError."""
-        within = self._within_limits(found)
-        fitting = within[[self._has_configuration(joints, wanted) for joints in within]]
-        if not len(fitting):
-            raise OtherConfiguration(wanted, tuple(dict.fromkeys(self.configuration(joints) for joints in within)))
-        return _nearest(fitting, near)
-
-    def _has_configuration(self, joints: Array, wanted: Configuration) -> bool:
-        """Whether joints (7,) have that configuration, within QUADRANT_SLACK_RAD."""
-        quarters = joints[[0, 3, 5]] / (np.pi / 2) - np.array(wanted[:3])
-        slack = QUADRANT_SLACK_RAD
-        bits = np.array([wanted.cfx & bit for bit, _ in NEGATIVE])
-        signed = np.where(bits, -1, 1) * joints[[axis for _, axis in NEGATIVE]]
-        return bool(np.all((quarters >= -slack) & (quarters <= 1 + slack)) and np.all(signed >= -slack))
+    def _sides(self, q: Array) -> Array:
+        """Axes 2, 3 and 5: the mock's own, since no source was found for what ABB's cfx means for seven axes."""
+        sides: Array = q[..., [1, 2, 4]]
+        return sides
 
     def _chain(self, q: Array) -> tuple[Array, Array, Array]:
         """Points (..., 8, 3) of the axes outwards and the flange, the axes' directions (..., 7, 3), last rotation."""
