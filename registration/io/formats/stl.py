@@ -37,20 +37,16 @@ def _text_blocks(file: GuardedFile, name: str) -> Iterator[Records]:
         for line in lines:
             number += 1
             if VERTEX.match(line):
-                corners.append(_corner(name, line, number))
+                try:
+                    x, y, z = (float(word) for word in line.split()[1:])
+                except ValueError:
+                    raise _line_error(name, number, line) from None
+                corners.append((x, y, z))
         yield _block(corners)
         ended = any(line.strip().lower().startswith(b"endsolid") for line in lines) or ended
         corners = []
     if not ended and not rest.strip().lower().startswith(b"endsolid"):
         raise CloudTruncated(name, f"line {number}", "there is no 'endsolid'", "copy the whole file again")
-
-
-def _corner(name: str, line: bytes, number: int) -> tuple[float, ...]:
-    try:
-        x, y, z = (float(word) for word in line.split()[1:])
-    except ValueError:
-        raise _line_error(name, number, line) from None
-    return x, y, z
 
 
 def _line_error(name: str, number: int, line: bytes) -> CloudFormatError:
