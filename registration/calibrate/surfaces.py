@@ -26,16 +26,7 @@ from calibration.transforms import Array, adjoint, difference, inverse, skew, tr
 from registration.calibrate.outcome import solution_with_x, solution_without_x
 from registration.calibrate.surface_search import find_rough_x
 from registration.fusion.overlap import agreement, reach_of
-from registration.fusion.pose_adjustment import (
-    PairEvidence,
-    all_pairs,
-    at_flange_of,
-    correction_of,
-    normal_equations,
-    origin_of,
-    radius_of,
-    twist_motion,
-)
+from registration.fusion.pose_adjustment import PairEvidence, TwistFrame, correction_of
 from registration.points.surface import Surface
 from registration.scan import ScanView, ViewSample, sample_views, setup_of
 
@@ -126,12 +117,11 @@ def solve_from_surfaces(
     while iteration < MAX_ITERATIONS and not settled:
         iteration += 1
         poses = [motion @ mount @ x for motion, mount in zip(motions, anchor_T_mount, strict=True)]
-        origin = origin_of(surfaces, poses)
-        radius_mm = radius_of(surfaces, poses, origin)
-        pairs = all_pairs(surfaces, poses, origin, radius_mm, reach_mm)
+        frame = TwistFrame.around(surfaces, poses)
+        pairs = frame.all_pairs(surfaces, poses, reach_mm)
         if not pairs:
             raise UndeterminedError("views-alone", Sentence("no-overlap"), FIX)
-        system = _SurfaceSystem(pairs, poses, motions, anchor_T_flange, origin, radius_mm)
+        system = _SurfaceSystem(frame, pairs, poses, motions, anchor_T_flange)
         if reach_mm <= least_mm:
             noise = _estimate_noise(system, noise, stated)
         information, step = system.solve(noise)
@@ -156,12 +146,11 @@ def solve_from_surfaces(
 class _SurfaceSystem:
     """All motions and X linearised, so that other noise levels can be tried without a new search."""
 
+    frame: TwistFrame
     pairs: dict[tuple[int, int], PairEvidence]
     poses: Sequence[Array]
     motions: Sequence[Array]
     anchor_T_flange: Array
-    origin: Array
-    radius_mm: float
 
     @property
     def overlapping_views(self) -> set[int]:
@@ -169,19 +158,16 @@ class _SurfaceSystem:
 
     def solve(self, noise: RobotNoise) -> tuple[Array, Array]:
         """Information (6n + 6, 6n + 6) of all motions and, last, of X (rad, mm in the camera frame); the step."""
-        seen, seen_gradient, prior, prior_gradient = normal_equations(
-            self.pairs, self.motions, list(self.anchor_T_flange), noise, self.origin, self.radius_mm
+        seen, seen_gradient, prior, prior_gradient = self.frame.normal_equations(
+            self.pairs, self.motions, list(self.anchor_T_flange), noise
         )
-        moved = np.concatenate([_twist_per_x(pose, self.origin, self.radius_mm) for pose in self.poses])
+        moved = np.concatenate([_twist_per_x(pose, self.frame) for pose in self.poses])
         information = np.block([[seen + prior, seen @ moved], [moved.T @ seen, moved.T @ seen @ moved]])
         gradient = np.concatenate([seen_gradient + prior_gradient, moved.T @ seen_gradient])
         return information, -np.asarray(np.linalg.solve(information, gradient), float)
 
     def apply_step(self, step: Array) -> list[Array]:
-        return [
-            twist_motion(twist, self.origin, self.radius_mm) @ motion
-            for twist, motion in zip(step[:-6].reshape(-1, 6), self.motions, strict=True)
-        ]
+        return self.frame.move(step[:-6].reshape(-1, 6), self.motions)
 
 
 def _estimate_noise(system: _SurfaceSystem, noise: RobotNoise, stated: RobotNoise) -> RobotNoise:
@@ -195,7 +181,7 @@ def _estimate_noise(system: _SurfaceSystem, noise: RobotNoise, stated: RobotNois
             flange_mm = system.anchor_T_flange[index][:3, 3]
             translation_mm, rotation_rad = correction_of(motions[index], flange_mm)
             own = slice(6 * index, 6 * index + 6)
-            at_flange = at_flange_of(flange_mm, system.origin, system.radius_mm)
+            at_flange = system.frame.at_flange(flange_mm)
             left = np.diagonal(at_flange @ covariance[own, own] @ at_flange.T)
             squares += [np.mean(rotation_rad**2 + left[:3]), np.mean(translation_mm**2 + left[3:])]
         deviations = np.sqrt(squares / (1 + len(system.overlapping_views)))
@@ -206,12 +192,12 @@ def _estimate_noise(system: _SurfaceSystem, noise: RobotNoise, stated: RobotNois
     return noise
 
 
-def _twist_per_x(anchor_T_camera: Array, origin: Array, radius_mm: float) -> Array:
-    """(6, 6): the twist of a view about `origin` [rotation × radius, translation] per change of X."""
+def _twist_per_x(anchor_T_camera: Array, frame: TwistFrame) -> Array:
+    """(6, 6): the twist of a view per change of X."""
     about_anchor = adjoint(anchor_T_camera)
     shift = np.eye(6)
-    shift[:3, :3] *= radius_mm
-    shift[3:, :3] = -skew(origin)
+    shift[:3, :3] *= frame.radius_mm
+    shift[3:, :3] = -skew(frame.origin)
     moved: Array = shift @ about_anchor
     return moved
 

@@ -18,6 +18,10 @@ from registration.points.surface import CORRELATED_POINTS, Surface
 FREE_SHARE = 0.004
 """Mean square of normal motion per unit motion below which a direction is free: normals err by up to 3 degrees."""
 
+MAX_ITERATIONS = 25
+STEP_TOLERANCE_MM = 2e-3
+MIN_OVERLAP = 0.05
+
 
 @dataclass(frozen=True, eq=False)
 class PairEvidence:
@@ -33,34 +37,103 @@ class PairEvidence:
     used: int
 
 
-def evidence(pair: Correspondences, origin: Array, radius_mm: float) -> PairEvidence:
-    """Robustly weighted (Tukey's biweight) information of an overlapping pair about the motion between its views.
+@dataclass(frozen=True, eq=False)
+class TwistFrame:
+    """Twists [rotation rad × radius, translation] in mm, in base, about `origin` (3,): both halves are lengths."""
 
-    Twists are [rotation rad × radius, translation] in mm, in base, about `origin`: both halves are lengths. Directions
-    in which the two surfaces slide on each other (plane, cylinder, sphere) carry only noise and are removed (Zhang,
-    Kaess, Singh: On degeneracy of optimization-based state estimation problems, ICRA 2016).
-    """
-    centre = pair.points.mean(axis=0)
-    arms = pair.points - centre
-    rows = np.hstack([np.cross(arms, pair.normals) / radius_mm, pair.normals])
-    sigma_mm = max(1.4826 * float(np.median(np.abs(pair.gaps))), 0.01)
-    weights = np.clip(1 - (pair.gaps / (4.685 * sigma_mm)) ** 2, 0, None) ** 2 / (sigma_mm**2 * CORRELATED_POINTS)
-    information = (rows * weights[:, None]).T @ rows
-    gradient = rows.T @ (weights * pair.gaps)
-    values, vectors = np.linalg.eigh(information)
-    free = values < FREE_SHARE * weights.sum()
-    kept = vectors[:, ~free]
-    information, gradient = kept @ (values[~free, None] * kept.T), kept @ (kept.T @ gradient)
-    shift = np.eye(6)
-    shift[3:, :3] = -skew(centre - origin) / radius_mm
-    return PairEvidence(
-        shift.T @ information @ shift, shift.T @ gradient, vectors[:, free].T, sigma_mm, int(np.count_nonzero(weights))
-    )
+    origin: Array
+    radius_mm: float
 
+    @classmethod
+    def around(cls, surfaces: Sequence[Surface], poses: Sequence[Array]) -> "TwistFrame":
+        """About the centre of all views at `poses` (base_T_camera), with the RMS distance of their points from it."""
+        placed = zip(surfaces, poses, strict=True)
+        clouds = [map_points(pose, surface.points) for surface, pose in placed if len(surface.points)]
+        if not clouds:
+            return cls(np.zeros(3), 1.0)
+        origin = np.mean([cloud.mean(axis=0) for cloud in clouds], axis=0)
+        squares = [np.mean(np.sum((cloud - origin) ** 2, axis=1)) for cloud in clouds]
+        return cls(origin, max(float(np.sqrt(np.mean(squares))), 1.0))
 
-MAX_ITERATIONS = 25
-STEP_TOLERANCE_MM = 2e-3
-MIN_OVERLAP = 0.05
+    def evidence(self, pair: Correspondences) -> PairEvidence:
+        """Robustly weighted (Tukey's biweight) information of an overlapping pair about the motion between its views.
+
+        Directions in which the two surfaces slide on each other (plane, cylinder, sphere) carry only noise and are
+        removed (Zhang, Kaess, Singh: On degeneracy of optimization-based state estimation problems, ICRA 2016).
+        """
+        centre = pair.points.mean(axis=0)
+        arms = pair.points - centre
+        rows = np.hstack([np.cross(arms, pair.normals) / self.radius_mm, pair.normals])
+        sigma_mm = max(1.4826 * float(np.median(np.abs(pair.gaps))), 0.01)
+        weights = np.clip(1 - (pair.gaps / (4.685 * sigma_mm)) ** 2, 0, None) ** 2 / (sigma_mm**2 * CORRELATED_POINTS)
+        information = (rows * weights[:, None]).T @ rows
+        gradient = rows.T @ (weights * pair.gaps)
+        values, vectors = np.linalg.eigh(information)
+        free = values < FREE_SHARE * weights.sum()
+        kept = vectors[:, ~free]
+        information, gradient = kept @ (values[~free, None] * kept.T), kept @ (kept.T @ gradient)
+        shift = np.eye(6)
+        shift[3:, :3] = -skew(centre - self.origin) / self.radius_mm
+        return PairEvidence(
+            shift.T @ information @ shift,
+            shift.T @ gradient,
+            vectors[:, free].T,
+            sigma_mm,
+            int(np.count_nonzero(weights)),
+        )
+
+    def all_pairs(
+        self, surfaces: Sequence[Surface], poses: Sequence[Array], reach_mm: float
+    ) -> dict[tuple[int, int], PairEvidence]:
+        """Evidence of every ordered pair of overlapping views."""
+        pairs = {}
+        for source, target in pairs_within(surfaces, poses, reach_mm):
+            pair = correspond(surfaces[source], poses[source], surfaces[target], poses[target], reach_mm)
+            if pair.enough and pair.fraction >= MIN_OVERLAP:
+                pairs[source, target] = self.evidence(pair)
+        return pairs
+
+    def normal_equations(
+        self,
+        pairs: dict[tuple[int, int], PairEvidence],
+        motions: Sequence[Array],
+        base_T_flange: Sequence[Array],
+        noise: RobotNoise,
+    ) -> tuple[Array, Array, Array, Array]:
+        """Information (6n, 6n) and gradient (6n,) of all twists: from the overlaps, then from the prior."""
+        count = len(motions)
+        seen, seen_gradient = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
+        for (source, target), pair in pairs.items():
+            half = pair.information / 2  # a pair occurs twice, once from each side
+            seen[source, :, source] += half
+            seen[target, :, target] += half
+            seen[source, :, target] -= half
+            seen[target, :, source] -= half
+            seen_gradient[source] += pair.gradient / 2
+            seen_gradient[target] -= pair.gradient / 2
+        prior, prior_gradient = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
+        weights = np.repeat([1 / noise.rotation_rad**2, 1 / noise.translation_mm**2], 3)
+        for index, (motion, flange) in enumerate(zip(motions, base_T_flange, strict=True)):
+            at_flange = self.at_flange(flange[:3, 3])
+            prior[index, :, index] = at_flange.T @ (weights[:, None] * at_flange)
+            prior_gradient[index] = at_flange.T @ (weights * np.concatenate(correction_of(motion, flange[:3, 3])[::-1]))
+        size = 6 * count
+        return seen.reshape(size, size), seen_gradient.ravel(), prior.reshape(size, size), prior_gradient.ravel()
+
+    def at_flange(self, flange_mm: Array) -> Array:
+        """(6, 6): a twist to [rotation rad, translation mm] of a flange."""
+        at_flange = np.eye(6)
+        at_flange[:3, :3] /= self.radius_mm
+        at_flange[3:, :3] = -skew(flange_mm - self.origin) / self.radius_mm
+        return at_flange
+
+    def move(self, twists: Array, motions: Sequence[Array]) -> list[Array]:
+        """The motions (4, 4), each followed by that of its twist (n, 6)."""
+        moved = []
+        for twist, motion in zip(twists, motions, strict=True):
+            rotation = rotation_from_vector(twist[:3] / self.radius_mm)
+            moved.append(transform(rotation, self.origin - rotation @ self.origin + twist[3:]) @ motion)
+        return moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,112 +169,30 @@ def refine_poses(
 ) -> Refinement:
     """Corrections that align the views as far as the robot's noise allows. `at_iteration`: called before each."""
     motions = [np.eye(4) for _ in surfaces]
-    origin = origin_of(surfaces, base_T_camera)
-    radius_mm = radius_of(surfaces, base_T_camera, origin)
-    reach_mm = reach_of(surfaces)
+    frame, reach_mm = TwistFrame.around(surfaces, base_T_camera), reach_of(surfaces)
     step, iteration, settled = np.inf, 0, False
     pairs: dict[tuple[int, int], PairEvidence] = {}
     while iteration < MAX_ITERATIONS and not settled:
         iteration += 1
         at_iteration(iteration)
         poses = [motion @ pose for motion, pose in zip(motions, base_T_camera, strict=True)]
-        pairs = all_pairs(surfaces, poses, origin, radius_mm, reach_mm)
-        seen, seen_gradient, prior, prior_gradient = normal_equations(
-            pairs, motions, base_T_flange, noise, origin, radius_mm
-        )
+        pairs = frame.all_pairs(surfaces, poses, reach_mm)
+        seen, seen_gradient, prior, prior_gradient = frame.normal_equations(pairs, motions, base_T_flange, noise)
         step_of_all = np.linalg.solve(seen + prior, seen_gradient + prior_gradient)
         twists: Array = -np.asarray(step_of_all, float).reshape(-1, 6)
-        motions = [
-            twist_motion(twist, origin, radius_mm) @ motion for twist, motion in zip(twists, motions, strict=True)
-        ]
+        motions = frame.move(twists, motions)
         step = float(np.abs(twists).max()) if len(twists) else 0.0
         settled = step < STEP_TOLERANCE_MM
     corrections = tuple(
-        _correction(index, motion, flange[:3, 3], noise, pairs, radius_mm)
+        _correction(index, motion, flange[:3, 3], noise, pairs)
         for index, (motion, flange) in enumerate(zip(motions, base_T_flange, strict=True))
     )
     return Refinement(corrections, iteration, settled)
 
 
-def origin_of(surfaces: Sequence[Surface], poses: Sequence[Array]) -> Array:
-    """Centre of all views in base."""
-    centres = [
-        map_points(pose, surface.points).mean(axis=0)
-        for surface, pose in zip(surfaces, poses, strict=True)
-        if len(surface.points)
-    ]
-    origin: Array = np.mean(centres, axis=0) if centres else np.zeros(3)
-    return origin
-
-
-def radius_of(surfaces: Sequence[Surface], poses: Sequence[Array], origin: Array) -> float:
-    """RMS distance of the points from `origin`: the length that converts radians to millimetres."""
-    squares = [
-        np.mean(np.sum((map_points(pose, surface.points) - origin) ** 2, axis=1))
-        for surface, pose in zip(surfaces, poses, strict=True)
-        if len(surface.points)
-    ]
-    return max(float(np.sqrt(np.mean(squares))), 1.0) if squares else 1.0
-
-
-def all_pairs(
-    surfaces: Sequence[Surface], poses: Sequence[Array], origin: Array, radius_mm: float, reach_mm: float
-) -> dict[tuple[int, int], PairEvidence]:
-    """Evidence of every ordered pair of overlapping views."""
-    pairs = {}
-    for source, target in pairs_within(surfaces, poses, reach_mm):
-        pair = correspond(surfaces[source], poses[source], surfaces[target], poses[target], reach_mm)
-        if pair.enough and pair.fraction >= MIN_OVERLAP:
-            pairs[source, target] = evidence(pair, origin, radius_mm)
-    return pairs
-
-
-def normal_equations(
-    pairs: dict[tuple[int, int], PairEvidence],
-    motions: Sequence[Array],
-    base_T_flange: Sequence[Array],
-    noise: RobotNoise,
-    origin: Array,
-    radius_mm: float,
-) -> tuple[Array, Array, Array, Array]:
-    """Information (6n, 6n) and gradient (6n,) of all twists from the overlaps, then the same from the robot's prior."""
-    count = len(motions)
-    seen, seen_gradient = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
-    for (source, target), pair in pairs.items():
-        half = pair.information / 2  # a pair occurs twice, once from each side
-        seen[source, :, source] += half
-        seen[target, :, target] += half
-        seen[source, :, target] -= half
-        seen[target, :, source] -= half
-        seen_gradient[source] += pair.gradient / 2
-        seen_gradient[target] -= pair.gradient / 2
-    prior, prior_gradient = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
-    weights = np.repeat([1 / noise.rotation_rad**2, 1 / noise.translation_mm**2], 3)
-    for index, (motion, flange) in enumerate(zip(motions, base_T_flange, strict=True)):
-        at_flange = at_flange_of(flange[:3, 3], origin, radius_mm)
-        prior[index, :, index] = at_flange.T @ (weights[:, None] * at_flange)
-        prior_gradient[index] = at_flange.T @ (weights * np.concatenate(correction_of(motion, flange[:3, 3])[::-1]))
-    size = 6 * count
-    return seen.reshape(size, size), seen_gradient.ravel(), prior.reshape(size, size), prior_gradient.ravel()
-
-
-def at_flange_of(flange_mm: Array, origin: Array, radius_mm: float) -> Array:
-    """(6, 6): a twist [rotation × radius, translation] about `origin` to [rotation rad, translation mm] of a flange."""
-    at_flange = np.eye(6)
-    at_flange[:3, :3] /= radius_mm
-    at_flange[3:, :3] = -skew(flange_mm - origin) / radius_mm
-    return at_flange
-
-
 def correction_of(motion: Array, flange_mm: Array) -> tuple[Array, Array]:
     """A motion as (translation of the flange in mm, rotation vector in rad)."""
     return motion[:3, :3] @ flange_mm + motion[:3, 3] - flange_mm, vector_from_rotation(motion[:3, :3])
-
-
-def twist_motion(twist: Array, origin: Array, radius_mm: float) -> Array:
-    """Motion (4, 4) of a twist [rotation × radius, translation] about `origin`."""
-    rotation = rotation_from_vector(twist[:3] / radius_mm)
-    return transform(rotation, origin - rotation @ origin + twist[3:])
 
 
 def _correction(
@@ -210,7 +201,6 @@ def _correction(
     flange_mm: Array,
     noise: RobotNoise,
     pairs: dict[tuple[int, int], PairEvidence],
-    radius_mm: float,
 ) -> ViewCorrection:
     translation_mm, rotation_rad = correction_of(motion, flange_mm)
     explained = (
