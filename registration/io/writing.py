@@ -12,8 +12,8 @@ from registration.io.columns import with_colours
 from registration.io.durable_file import GuardedFile, new_file
 from registration.io.formats import npy, pcd, ply, rows
 from registration.io.formats.bodies import TextEncoder
-from registration.io.formats.e57_out import E57Out, e57_layout, e57_out
-from registration.io.formats.las_out import LasOut, las_out
+from registration.io.formats.e57_out import e57_layout, e57_out
+from registration.io.formats.las_out import las_out
 from registration.io.formats.pcl import PclRecords
 from registration.points.layout import XYZ_FLOAT32, Layout, Records
 
@@ -55,7 +55,7 @@ FORMS: dict[str, Callable[[Layout, str], Form]] = {
 """Formats by suffix; `.bin` is raw float32 x, y, z without other columns."""
 
 
-LIBRARIES: dict[str, Callable[[GuardedFile, Layout, str], AbstractContextManager[LasOut | E57Out]]] = {
+LIBRARIES: dict[str, Callable[[GuardedFile, Layout, str], AbstractContextManager[Callable[[Records], None]]]] = {
     ".las": lambda file, layout, software: las_out(file, layout, compress=False, software=software),
     ".laz": lambda file, layout, software: las_out(file, layout, compress=True, software=software),
     ".e57": lambda file, layout, _: e57_out(file, layout),
@@ -100,8 +100,8 @@ def new_cloud(
         form = replace(form, header=lambda count: ply.with_frame(header(count), frame))
     with new_file(path, durable=durable) as file:
         if library is not None:
-            with library(file, form.layout, f"handeyed {calibration_id or ''}".strip()) as out:
-                yield Writer(form, out.write)
+            with library(file, form.layout, f"handeyed {calibration_id or ''}".strip()) as put:
+                yield Writer(form, put)
             return
         file.write(form.header(0))
         writer = Writer(form, lambda block: file.write(form.encode(block)))

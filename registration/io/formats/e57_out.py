@@ -1,7 +1,7 @@
 """Writes new E57 files (ASTM E2807) in blocks through pye57's libE57: one scan, lengths in metres as required."""
 
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -88,13 +88,13 @@ class E57Out:
 
 
 @contextmanager
-def e57_out(file: GuardedFile, layout: Layout) -> Iterator[E57Out]:
-    """Open a writer; libE57 writes to the file's path itself. Raises CloudUnsupported when pye57 is not installed."""
+def e57_out(file: GuardedFile, layout: Layout) -> Iterator[Callable[[Records], None]]:
+    """What writes a block, through libE57 to the file's path. Raises CloudUnsupported when pye57 is not installed."""
     pye57 = library("pye57", "e57", file.name)
     image = pye57.E57(str(file.raw.name), mode="w")
     try:
         out = E57Out(image, pye57, layout, file.name)
-        yield out
+        yield out.write
         out.finish()
     finally:
         image.close()

@@ -51,7 +51,7 @@ def require_plain_xml(file: GuardedFile, name: str) -> None:
         if refused in xml:
             what = f"the XML section holds {refused.decode()!r}, which makes a reader open other files"
             raise CloudUnsupported(name, "XML", what, FIX)
-    _ElementCount(name).require_bounded(xml)
+    _require_bounded(xml, name)
 
 
 def _read_xml(file: GuardedFile, name: str) -> bytes:
@@ -80,35 +80,29 @@ def _read_xml(file: GuardedFile, name: str) -> bytes:
     return xml
 
 
-class _ElementCount:
-    """Counts elements, their depth and their children while expat parses."""
+def _require_bounded(xml: bytes, name: str) -> None:
+    """Count elements, their depth and their children while expat parses. Raises CloudFormatError, CloudUnsupported."""
+    elements, children = 0, [0]
 
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._children: list[int] = [0]
-        self._elements = 0
-
-    def require_bounded(self, xml: bytes) -> None:
-        parser = expat.ParserCreate("UTF-8")
-        parser.StartElementHandler = self._begin
-        parser.EndElementHandler = self._end
-        try:
-            parser.Parse(xml, True)
-        except expat.ExpatError as error:
-            place = f"XML line {error.lineno}"
-            raise CloudFormatError(self._name, place, expat.ErrorString(error.code), COPY) from None
-
-    def _begin(self, _element: str, _attributes: object) -> None:
-        self._elements += 1
-        self._children[-1] += 1
-        self._children.append(0)
+    def begin(_element: str, _attributes: object) -> None:
+        nonlocal elements
+        elements += 1
+        children[-1] += 1
+        children.append(0)
         for count, limit, what in (
-            (self._elements, MAX_ELEMENTS, "elements"),
-            (self._children[-2], MAX_CHILDREN, "elements within one"),
-            (len(self._children) - 1, MAX_DEPTH, "elements within each other"),
+            (elements, MAX_ELEMENTS, "elements"),
+            (children[-2], MAX_CHILDREN, "elements within one"),
+            (len(children) - 1, MAX_DEPTH, "elements within each other"),
         ):
             if count > limit:
-                raise CloudUnsupported(self._name, "XML", f"there are more than {limit} {what}", FIX)
+                raise CloudUnsupported(name, "XML", f"there are more than {limit} {what}", FIX)
 
-    def _end(self, _element: str) -> None:
-        self._children.pop()
+    def end(_element: str) -> None:
+        children.pop()
+
+    parser = expat.ParserCreate("UTF-8")
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    try:
+        parser.Parse(xml, True)
+    except expat.ExpatError as error:
+        raise CloudFormatError(name, f"XML line {error.lineno}", expat.ErrorString(error.code), COPY) from None
