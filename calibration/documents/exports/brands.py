@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.documents.exports.notation import fixed
-from calibration.documents.exports.subject import Subject
+from calibration.documents.exports.subject import Subject, fixed
 from calibration.kinematics.conventions import BRANDS
 from calibration.transforms import Array, inverse
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.documents.exports.notation import single
 from calibration.documents.exports.rapid import module_text, pose_text
+from calibration.documents.exports.subject import single
 from calibration.errors import ExportRefused
 from calibration.kinematics.arm import Arm, Configuration, UnreachablePoseError
 from calibration.transforms import Array, quaternion_from_rotation

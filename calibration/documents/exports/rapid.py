@@ -4,8 +4,7 @@ single float.
 Of a tooldata only tframe is set: mass, centre of gravity and inertia are the tool's; wrong ones move the arm wrongly.
 """
 
-from calibration.documents.exports.notation import single
-from calibration.documents.exports.subject import Subject
+from calibration.documents.exports.subject import Subject, single
 from calibration.transforms import Array, quaternion_from_rotation
 
 NO_OFFSET = "[[0, 0, 0], [1, 0, 0, 0]]"

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 
+import numpy as np
+
 from calibration.documents.calibration import TRANSFORM_NAMES, CalibrationDocument
-from calibration.documents.exports.notation import fixed
 from calibration.documents.pose import PoseDocument
 from calibration.errors import ExportRefused
 from calibration.kinematics.conventions import CONVENTIONS, numbers_of
@@ -20,6 +21,17 @@ DEFAULT_DECIMALS, MAX_DECIMALS = 4, 9
 
 LINK_T_OPTICAL = transform([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 0])
 """The optical frame in the body frame of the same camera (REP 103)."""
+
+
+def fixed(value: float, decimals: int) -> str:
+    """`value` with that many decimals, never as minus zero."""
+    text = f"{value:.{decimals}f}"
+    return text.removeprefix("-") if float(text) == 0 else text
+
+
+def single(value: float) -> str:
+    """`value` as a single float, RAPID's num: nine digits, which restore its every bit."""
+    return f"{float(np.float32(value)) + 0.0:.9g}"
 
 
 @dataclass(frozen=True)
