@@ -47,16 +47,12 @@ class Candidates:
     information: Array
 
     def take(self, chosen: Indices) -> "Candidates":
-        return Candidates(self.viewpoints[chosen], self.base_T_flange[chosen], self.information[chosen])
+        return Candidates(*(array[chosen] for array in vars(self).values()))
 
     def join(self, *others: "Candidates") -> "Candidates":
         """These, then the others."""
-        every = (self, *others)
-        return Candidates(
-            np.concatenate([one.viewpoints for one in every]),
-            np.concatenate([one.base_T_flange for one in every]),
-            np.concatenate([one.information for one in every]),
-        )
+        parts = zip(*(vars(one).values() for one in (self, *others)), strict=True)
+        return Candidates(*(np.concatenate(part) for part in parts))
 
 
 @dataclass(frozen=True, eq=False)
