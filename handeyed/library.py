@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Self, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, calibration_document
@@ -92,9 +92,11 @@ class Session:
             what = f"{poses.shape} poses and {len(corners_px)} pictures do not go together"
             raise DocumentError.one("of_corners", "base_T_flange", what, "give (n, 4, 4) and n arrays")
         known = validate_json(TargetFile, {"target": target}, "of_corners").target
+        pixels = [np.asarray(corners, float).reshape(-1, 2) for corners in corners_px]
+        which = [np.arange(len(each)) for each in pixels] if ids is None else ids
         views = tuple(
-            View(index, Stance(pose), Detection(np.asarray(which, np.intp), pixels))
-            for index, (pose, pixels, which) in enumerate(_views(poses, corners_px, ids))
+            View(index, Stance(pose), Detection(np.asarray(numbers, np.intp), corners))
+            for index, (pose, corners, numbers) in enumerate(zip(poses, pixels, which, strict=True))
         )
         camera = None
         if camera_matrix is not None:
@@ -144,14 +146,6 @@ class Session:
                 raise DocumentError.one("of_points", "base_T_flange", what, "give (n, 4, 4)")
             points = map_points(inverse(poses), points[:, None])[:, 0]
         return cls(Problem(setup, TrackedFrame(), None, (0, 0), (), in_space=True), (points, seen))
-
-
-def _views(
-    poses: Array, corners_px: Sequence[ArrayLike], ids: Sequence[ArrayLike] | None
-) -> Sequence[tuple[Array, Array, NDArray[Any]]]:
-    pixels = [np.asarray(corners, float).reshape(-1, 2) for corners in corners_px]
-    which = [np.arange(len(each)) for each in pixels] if ids is None else [np.asarray(each) for each in ids]
-    return list(zip(poses, pixels, which, strict=True))
 
 
 Solvable = Session | str | Path | Mapping[str, Any]
