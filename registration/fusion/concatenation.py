@@ -4,9 +4,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from calibration.transforms import Array
 from registration.errors import MergeStopped
 from registration.fusion.merging import EVERY_POINT, Box, Merge, Merger
@@ -116,15 +113,12 @@ class FiniteBlocks:
                 finite = self._layout.finite(block)
                 kept = block if finite.all() else block[finite]
                 self.dropped += len(block) - len(kept)
-                yield kept if self._box_mm is None else kept[self._inside(kept, self._box_mm)]
+                if self._box_mm is not None:
+                    for name, low, high in zip(self._layout.xyz, *self._box_mm, strict=True):
+                        kept = kept[(kept[name] >= low) & (kept[name] <= high)]
+                yield kept
         self._bytes_before += size
         self._on_read(self._bytes_before)
-
-    def _inside(self, block: Records, box_mm: Box) -> NDArray[np.bool_]:
-        inside = np.ones(len(block), bool)
-        for name, low, high in zip(self._layout.xyz, *box_mm, strict=True):
-            inside &= (block[name] >= low) & (block[name] <= high)
-        return inside
 
 
 def bytes_of(clouds: Sequence[PlacedCloud]) -> int:
