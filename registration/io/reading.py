@@ -8,7 +8,7 @@ from registration.errors import CloudTruncated, CloudUnsupported
 from registration.io.durable_file import GuardedFile
 from registration.io.formats import npy, pcd, ply, rows
 from registration.io.formats.bodies import BLOCK_BYTES, decoder_of, require_end
-from registration.io.formats.compressed import compressed_source
+from registration.io.formats.compressed import lzf_source
 from registration.io.formats.detect import HeaderParser, octets
 from registration.io.formats.extras import e57_source, las_source
 from registration.io.formats.header import HEADER_LIMIT, CloudHeader, CloudSource
@@ -30,7 +30,7 @@ PARSERS: dict[str, HeaderParser] = {
 """Formats whose header is parsed from the first bytes, by suffix."""
 
 
-def _streamed_source(file: GuardedFile, header: CloudHeader, name: str) -> CloudSource:
+def _record_source(file: GuardedFile, header: CloudHeader, name: str) -> CloudSource:
     """Of a format that consists of a header and records in sequence."""
 
     def blocks() -> Iterator[Records]:
@@ -102,8 +102,8 @@ def _source(path: Path, file: GuardedFile, name: str) -> CloudSource:
         raise CloudUnsupported(name, "suffix", f"clouds of type {suffix!r} cannot be read", f"use one of {known}")
     header = read_header(file, PARSERS[suffix], name)
     if header.encoding == "compressed":
-        return compressed_source(file, header, name)
-    return _streamed_source(file, header, name)
+        return lzf_source(file, header, name)
+    return _record_source(file, header, name)
 
 
 SPECIAL: dict[str, Callable[[GuardedFile, str], CloudSource]] = {

@@ -15,7 +15,7 @@ from registration.points.layout import Records
 BLOCK_POINTS = 1 << 14
 
 
-def compressed_source(file: GuardedFile, header: CloudHeader, name: str) -> CloudSource:
+def lzf_source(file: GuardedFile, header: CloudHeader, name: str) -> CloudSource:
     """The points behind the header; `blocks` raises CloudFormatError, CloudTruncated, CloudTooLong."""
 
     def blocks() -> Iterator[Records]:
