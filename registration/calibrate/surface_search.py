@@ -69,7 +69,7 @@ class _View:
 
 def find_rough_x(surfaces: Sequence[Surface], anchor_T_mount: Array) -> Array:
     """X (4, 4) within the reach of a registration. Raises UndeterminedError `surfaces-ambiguous`, `views-alone`."""
-    views = [_thinned(surface, pose) for surface, pose in zip(surfaces, anchor_T_mount, strict=True)]
+    views = [_thin(surface, pose) for surface, pose in zip(surfaces, anchor_T_mount, strict=True)]
     if any(not len(view.points) for view in views) or len(views) < 3:
         raise UndeterminedError("views-alone", Sentence("surfaces-too-few"), Sentence("give-rough-x"))
     if np.median([_slip(view) for view in views]) < MAX_SLIP:
@@ -101,7 +101,7 @@ def _slip(view: _View) -> float:
     return float(np.linalg.eigvalsh(rows.T @ rows / len(rows))[2])
 
 
-def _thinned(surface: Surface, pose: Array) -> _View:
+def _thin(surface: Surface, pose: Array) -> _View:
     chosen = np.random.default_rng(SEED).permutation(len(surface.points))[:POINTS]
     points = surface.points[chosen]
     return _View(points, surface.normals[chosen], scipy.spatial.cKDTree(points), pose)

@@ -51,7 +51,7 @@ class LargeVoxelGrid:
     def add(self, block: Records) -> None:
         """Add a block. Raises ScanError when points are too far away for the edge length, CloudIOError."""
         for start in range(0, len(block), BLOCK_POINTS):
-            points, keys = self._grid.located(block[start : start + BLOCK_POINTS])
+            points, keys = self._grid.locate(block[start : start + BLOCK_POINTS])
             if self._ranges is not None:
                 self._ranges.append(points, keys)
                 continue

@@ -45,9 +45,9 @@ class VoxelGrid:
     def add(self, block: Records) -> None:
         """Add a block. Raises ScanError when points are too far away for the edge length."""
         for start in range(0, len(block), BLOCK_POINTS):
-            self.add_located(*self.located(block[start : start + BLOCK_POINTS]))
+            self.add_located(*self.locate(block[start : start + BLOCK_POINTS]))
 
-    def located(self, block: Records) -> tuple[Records, Keys]:
+    def locate(self, block: Records) -> tuple[Records, Keys]:
         """The finite points of a block and the key of each one's cube. Raises ScanError for points too far away."""
         finite = self.layout.finite(block)
         block = block if finite.all() else block[finite]

@@ -56,8 +56,8 @@ def _profiles(rows: Iterator[list[str]], name: str) -> tuple[Array, Array, Array
     width = max(len(profiles[frame]["Z"]) for frame in frames)
     if len(frames) * width > MAX_VALUES:
         raise ProfileError(f"{name}: {len(frames)} profiles with up to {width} values are too many", "split the sweep")
-    z = np.stack([_widened(profiles[frame]["Z"], width) for frame in frames])
-    x = np.stack([_widened(profiles[frame].get("X", along), width) for frame in frames])
+    z = np.stack([_widen(profiles[frame]["Z"], width) for frame in frames])
+    x = np.stack([_widen(profiles[frame].get("X", along), width) for frame in frames])
     return np.array([times[frame] for frame in frames]), x, z
 
 
@@ -87,6 +87,6 @@ def _number(cell: str) -> float:
         return np.nan
 
 
-def _widened(values: Array, width: int) -> Array:
+def _widen(values: Array, width: int) -> Array:
     """The first `width` values (width,), with NaN after the last."""
     return np.concatenate([values[:width], np.full(max(width - len(values), 0), np.nan)])
