@@ -120,7 +120,9 @@ def _best_jog(
     here_mm = float(np.clip(median_distance_mm(scene, base_T_flange_now[None]), *limits.distance_mm))
     choices = tuple(product(_turn_choices(), (here_mm, *limits.distance_mm)))
     poses = np.array([_turn_and_centre(scene, base_T_flange_now, turns, far_mm) for turns, far_mm in choices])
-    keep = within_limits(scene, limits, poses) & (_tilts_rad(scene, poses) <= limits.tilt_rad)
+    # Between the board's normal and the ray to the camera, which is the optical axis for a target in the middle.
+    tilts_rad = np.arccos(np.clip(np.abs(scene.camera_T_target(poses)[:, 2, 2]), 0.0, 1.0))
+    keep = within_limits(scene, limits, poses) & (tilts_rad <= limits.tilt_rad)
     if reachable is not None:
         keep[keep] = reachable(poses[keep])
     if not keep.any():
@@ -158,13 +160,6 @@ def _turn_and_centre(scene: Scene, base_T_flange_now: Array, turns: tuple[Turn, 
     camera_R = rotation @ scene.mount_T_camera[:3, :3]
     camera_at = centre - distance_mm * camera_R[:, 2]
     return transform(rotation, camera_at - rotation @ scene.mount_T_camera[:3, 3])
-
-
-def _tilts_rad(scene: Scene, poses: Array) -> Array:
-    """Angles (n,) between the board's normal and the ray to the camera, for a target in the middle of the image."""
-    normals = scene.camera_T_target(poses)[:, :3, 2]
-    tilts: Array = np.arccos(np.clip(np.abs(normals[:, 2]), 0.0, 1.0))
-    return tilts
 
 
 def _advise_without_x(problem: Problem) -> Advice:
