@@ -16,6 +16,7 @@ from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings, SettingsFile
 from daemon.drift.monitor import DriftMonitor
 from daemon.errors import NotFound, NotInstalled, StorageError
+from daemon.http.listen_socket import late_addresses
 from daemon.operations import Operations
 from daemon.runs.supervisor import MAX_STEP_S, Supervisor
 from daemon.runtime.clock import Clock
@@ -69,6 +70,16 @@ MAX_STUCK_S = MAX_STEP_S + 60.0
 
 
 Kind = TypeVar("Kind")
+
+
+@dataclass(frozen=True)
+class LateAddresses(Service):
+    """Warns of addresses to listen at, by section of the settings, that this machine does not have yet."""
+
+    hosts: Mapping[str, str]
+
+    def warnings(self) -> list[str]:
+        return late_addresses(self.hosts)
 
 
 @dataclass(eq=False)

@@ -14,7 +14,7 @@ import uvloop
 
 from daemon.access.service_key import ServiceKey
 from daemon.api.extension import Extensions
-from daemon.application import Application, CellCamera
+from daemon.application import Application, CellCamera, LateAddresses
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.cell.cell import Cell, Devices
 from daemon.cell.device_watch import DeviceWatch
@@ -24,7 +24,6 @@ from daemon.cell.readings import CellReadings
 from daemon.config.settings import MAIN_CAMERA, OF_SERVICES, Settings, SettingsFile
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
-from daemon.http.listen_socket import LateAddresses
 from daemon.operations import Operations, no_further_sensors
 from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock, time_ordered_id

@@ -93,9 +93,13 @@ class Session:
             raise DocumentError.one("of_corners", "base_T_flange", what, "give (n, 4, 4) and n arrays")
         known = validate_json(TargetFile, {"target": target}, "of_corners").target
         pixels = [np.asarray(corners, float).reshape(-1, 2) for corners in corners_px]
-        which = [np.arange(len(each)) for each in pixels] if ids is None else ids
+        which = [np.arange(len(each)) for each in pixels] if ids is None else [np.ravel(each) for each in ids]
+        last = len(known.points_mm) - 1
+        if [*map(len, which)] != [*map(len, pixels)] or not all(np.all((each >= 0) & (each <= last)) for each in which):
+            what = f"numbers of points do not go with the corners, or are beyond 0 to {last}"
+            raise DocumentError.one("of_corners", "ids", what, "give the number of each corner in the target's order")
         views = tuple(
-            View(index, Stance(pose), Detection(np.asarray(numbers, np.intp), corners))
+            View(index, Stance(pose), Detection(numbers.astype(np.intp), corners))
             for index, (pose, corners, numbers) in enumerate(zip(poses, pixels, which, strict=True))
         )
         camera = None

@@ -20,9 +20,9 @@ SERVICE_ROOTS = ("daemon.composition", "daemon.server", "daemon.api.routes")
 
 MAX_UNITS = {"calibration": 24, "daemon": 22, "mock_robot": 14, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 90_692,
-    "lines of Python with the extensions": 97_181,
-    "lines of Python of the core that the service imports": 64_221,
+    "lines of Python of the core": 90_704,
+    "lines of Python with the extensions": 97_193,
+    "lines of Python of the core that the service imports": 64_229,
     "lines of Python of the gateways": 1_322,
     "files of the fullest folder": 34,
     "private functions used once": 664,

@@ -33,7 +33,7 @@ from daemon.cli.rest_client import client_of, connect, running_service
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, RobotSettings, Settings, SettingsFile
 from daemon.errors import NotStill, PortTaken
-from daemon.http.listen_socket import LateAddresses, open_listener
+from daemon.http.listen_socket import late_addresses, open_listener
 from daemon.model.check_result import CheckResult
 from daemon.runtime.clock import Clock
 from daemon.tools.first_setup.devices import MAX_CONNECT_S, ask, name_of
@@ -138,7 +138,7 @@ def check_port(settings: PlcSettings) -> CheckResult:
         open_listener(settings.host, settings.port, "plc").close()
     except PortTaken as error:
         return CheckResult("plc", False, error.what, error.fix)
-    if late := LateAddresses({"plc": settings.host}).warnings():
+    if late := late_addresses({"plc": settings.host}):
         return CheckResult("plc", False, late[0])
     here = f"Modbus TCP can listen on {settings.host} port {settings.port}"
     if settings.motion and not settings.writers and settings.serial is None:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 from calibration.sentences.sentence import Sentence
 from daemon.errors import PortTaken
-from daemon.runtime.tasks import Service
 from drivers.transports.late_address import allow_late_address, is_here
 
 BACKLOG = 4096
@@ -47,12 +46,6 @@ def open_listener(host: str, port: int, table: str = "server") -> socket.socket:
     return listener
 
 
-class LateAddresses(Service):
-    """Warns of each address to listen at, by its section of the settings, that this machine does not have now."""
-
-    def __init__(self, hosts: Mapping[str, str]) -> None:
-        self._hosts = hosts
-
-    def warnings(self) -> list[str]:
-        late = ((table, host) for table, host in self._hosts.items() if not is_here(host))
-        return [Sentence("address-not-here", table=table, host=host) for table, host in late]
+def late_addresses(hosts: Mapping[str, str]) -> list[str]:
+    """A warning of each address to listen at, by its section of the settings, that this machine does not have now."""
+    return [Sentence("address-not-here", table=table, host=host) for table, host in hosts.items() if not is_here(host)]

@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from calibration.transforms import Array
 from registration.errors import MergeStopped
 from registration.fusion.merging import EVERY_POINT, Box, Merge, Merger
@@ -114,8 +116,9 @@ class FiniteBlocks:
                 kept = block if finite.all() else block[finite]
                 self.dropped += len(block) - len(kept)
                 if self._box_mm is not None:
-                    for name, low, high in zip(self._layout.xyz, *self._box_mm, strict=True):
-                        kept = kept[(kept[name] >= low) & (kept[name] <= high)]
+                    sides = zip(self._layout.xyz, *self._box_mm, strict=True)
+                    inside = [(kept[name] >= low) & (kept[name] <= high) for name, low, high in sides]
+                    kept = kept[np.logical_and.reduce(inside)]
                 yield kept
         self._bytes_before += size
         self._on_read(self._bytes_before)

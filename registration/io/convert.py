@@ -37,7 +37,8 @@ def move_file(source: Path, target: Path, motion: RigidMotion, *, durable: bool 
         with GuardedFile.reading(source, source.name) as file, new_file(target, durable=durable) as out:
             return MoveResult(move_las(file, out, motion, compress=target.suffix.lower() == ".laz"), 0)
     form_of(target, XYZ_FLOAT32)
-    if source.suffix.lower() == target.suffix.lower() and not _is_compressed(source):
+    suffix = source.suffix.lower()
+    if suffix in PARSERS and suffix == target.suffix.lower() and not _is_compressed(source):
         return _pass_through(source, target, motion, durable)
     with open_cloud(source) as cloud:
         layout, _ = common_layout([cloud.layout])

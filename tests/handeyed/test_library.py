@@ -139,6 +139,27 @@ def test_a_camera_that_is_none_is_refused_before_anything_is_solved(camera: dict
         handeyed.Session.of_corners(np.eye(4)[None], [np.zeros((54, 2))], board, **sized)
 
 
+@pytest.mark.parametrize(
+    "ids",
+    [[np.arange(53)], [np.arange(54)] * 2, [np.arange(1, 55)], [np.r_[-1, np.arange(53)]], [[*range(53), np.nan]]],
+    ids=["too few", "of two pictures", "beyond the target", "below 0", "nan"],
+)
+def test_numbers_of_points_that_do_not_go_with_the_corners_are_refused(ids: Any) -> None:
+    board = {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 20.0}
+    with pytest.raises(DocumentError, match=r"of_corners: ids: .* 0 to 53"):
+        handeyed.Session.of_corners(np.eye(4)[None], [np.zeros((54, 2))], board, image_size=(640, 480), ids=ids)
+
+
+def test_numbers_of_points_may_have_the_shape_that_opencv_gives_them() -> None:
+    board = {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 20.0}
+    given = handeyed.Session.of_corners(
+        np.eye(4)[None], [np.zeros((54, 1, 2))], board, image_size=(640, 480), ids=[np.arange(54)[:, None]]
+    )
+    (view,) = given.problem.views
+    assert view.detection is not None
+    assert view.detection.ids.shape == (54,)
+
+
 def test_a_cloud_is_read_in_mm(tmp_path) -> None:  # type: ignore[no-untyped-def]
     file = tmp_path / "cloud.ply"
     head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"

@@ -162,6 +162,7 @@ def e57_source(file: GuardedFile, name: str) -> CloudSource:
                 yield block[:read]
                 with translate_errors(name, f"scan {index}", damage):
                     read = reader.read()
+            reader.close()  # libE57 opens no second one beside it
 
     return CloudSource(layout, count, blocks)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.http.listen_socket import LateAddresses, open_listener
+from daemon.http.listen_socket import late_addresses, open_listener
 from daemon.runtime.systemd import Systemd
 from drivers.transports.late_address import is_here
 from tests.daemon.cell_under_test import serving, settings_for
@@ -29,7 +29,7 @@ def test_an_address_is_here_or_not(host: str, here: bool) -> None:
 
 
 def test_each_address_that_is_not_here_is_named_with_its_section() -> None:
-    warnings = LateAddresses({"server": "127.0.0.1", "plc": NOT_HERE}).warnings()
+    warnings = late_addresses({"server": "127.0.0.1", "plc": NOT_HERE})
     assert len(warnings) == 1
     assert warnings[0].startswith(f"this PC does not have the address {NOT_HERE} of [plc] host yet")
 

@@ -172,6 +172,19 @@ def test_e57_is_read_in_blocks(tmp_path: Path) -> None:
             read(tmp_path / "cut.e57")
 
 
+def test_several_scans_of_an_e57_are_read_one_after_the_other_and_moved(tmp_path: Path) -> None:
+    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed: E57 is not tested")
+    scans = [cloud(XYZ_FLOAT32, count) for count in (20_000, 5, 17_000)]
+    file = pye57.E57(str(tmp_path / "in.e57"), mode="w")
+    for scan in scans:
+        file.write_scan_raw({f"cartesian{axis}": scan[axis.lower()].astype(float) for axis in "XYZ"})
+    file.close()
+    records = read(tmp_path / "in.e57")
+    assert np.array_equal(xyz(records), np.concatenate([xyz(scan) for scan in scans]))
+    assert move_file(tmp_path / "in.e57", tmp_path / "out.e57", MOTION).points == len(records)
+    np.testing.assert_allclose(1000 * xyz(read(tmp_path / "out.e57")), moved(records), rtol=0, atol=1e-3)  # E57 is in m
+
+
 def test_an_e57_without_points_is_read(tmp_path: Path) -> None:
     pytest.importorskip("pye57", reason="pye57 is not installed: E57 is not tested")
     with new_cloud(tmp_path / "empty.e57", XYZ_FLOAT32):
