@@ -36,8 +36,8 @@ class RwsLink(ControllerLink):
     async def read_state(self) -> ControllerState:
         """State of panel and program. Raises DeviceError."""
         device, dialect = self._client.device, self._client.dialect or DIALECTS[2]
-        controller, mode, execution, speed = await asyncio.gather(
-            self.one(dialect.controller_state),
+        controller = await self.one(dialect.controller_state)  # after a restart each request at once is given a session
+        mode, execution, speed = await asyncio.gather(
             self.one("/rw/panel/opmode"),
             self.read_execution(),
             self.one("/rw/panel/speedratio"),
