@@ -18,7 +18,7 @@ from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from asyncua.server.uaprocessor import UaProcessor
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from gateways.opcua import sessions
+from gateways.opcua import cell, sessions
 from gateways.opcua.vision_system import CELLS
 from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.cell_under_test import Bench
@@ -42,6 +42,12 @@ class Intruder(Client):  # type: ignore[misc]
         await self.activate_session(username="mes", password=key)
         cell = PlantClient(self, await self.get_namespace_index(CELLS))
         await cell.call("cell7.Cell.Start", "calibrate", "1")
+
+
+@pytest.fixture(autouse=True)
+def an_answer_may_take_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy machine's daemon is not away: nothing here is about that."""
+    monkeypatch.setattr(cell, "ANSWER_S", LIMIT_S)
 
 
 @pytest.fixture(autouse=True)
