@@ -74,12 +74,12 @@ Kind = TypeVar("Kind")
 
 @dataclass(frozen=True)
 class LateAddresses(Service):
-    """Warns of addresses to listen at, by section of the settings, that this machine does not have yet."""
+    """Warns of each address in `hosts()`, by section of the settings in force, that this machine does not have yet."""
 
-    hosts: Mapping[str, str]
+    hosts: Callable[[], Mapping[str, str]]
 
     def warnings(self) -> list[str]:
-        return late_addresses(self.hosts)
+        return late_addresses(self.hosts())
 
 
 @dataclass(eq=False)

@@ -165,7 +165,7 @@ def build(
             StoreMonitor(store, events),
             webhooks,
             Retention(store, service_workers, clock, settings.storage),
-            LateAddresses(settings.listens_at),
+            LateAddresses(lambda: application.settings.listens_at),
             KeyExpiry(store.access_keys, clock),
             key_watch,
             ServiceEnds(read_ends(systemd.runtime_folder)),

@@ -40,3 +40,5 @@ async def test_the_daemon_is_ready_with_a_warning_while_the_plc_s_address_is_not
         ready = (await bench.client.get("/ready")).json()
         assert ready["ready"]
         assert [NOT_HERE in warning for warning in ready["warnings"]] == [True, False], "systemctl shows the first"
+        bench.application.settings = settings_for(tmp_path)  # as a reload does
+        assert not any(NOT_HERE in warning for warning in bench.application.warnings())
