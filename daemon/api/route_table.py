@@ -65,6 +65,7 @@ async def welcome(request: Request) -> Response | Welcome:
 
 
 ROUTERS: tuple[APIRouter, ...] = (
+    register.router,
     root,
     health.router,
     calibrate.router,
@@ -76,7 +77,6 @@ ROUTERS: tuple[APIRouter, ...] = (
     cell.router,
     runs.robot,
     events.router,
-    register.router,
     scans.router,
     admin.router,
     setup.router,

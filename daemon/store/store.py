@@ -310,7 +310,7 @@ class Store:
 
     async def history_entry(self, sequence: int) -> AppliedCalibration:
         """The entry of the history with this sequence number. Raises NotFound."""
-        found = await self._read_applied("sequence = ?", sequence)
+        found = await self._find(f"{APPLIED.select} WHERE sequence = ?", sequence, read_applied)
         if found is None:
             raise NotFound(Sentence("no-such-entry", number=sequence), Sentence("see-what-was-active"))
         return found
@@ -324,14 +324,19 @@ class Store:
 
     async def current(self, camera: str = MAIN_CAMERA) -> tuple[AppliedCalibration, CalibrationRecord]:
         """The active calibration of a camera and its entry in the history. Raises NoCalibration."""
-        applied = await self._read_applied("camera = ? ORDER BY sequence DESC LIMIT 1", camera)
-        if applied is None:
-            raise NoCalibration(camera)
-        return applied, await self.calibration(applied.calibration_id)
 
-    async def _read_applied(self, where: str, value: int | str) -> AppliedCalibration | None:
-        """The entry of the history of which that is true."""
-        return await self._find(f"{APPLIED.select} WHERE {where}", value, read_applied)
+        def read(db: sqlite3.Connection) -> tuple[AppliedCalibration, CalibrationRecord]:
+            query = f"{APPLIED.select} WHERE camera = ? ORDER BY sequence DESC LIMIT 1"
+            row = db.execute(query, (camera,)).fetchone()
+            if row is None:
+                raise NoCalibration(camera)
+            applied = read_applied(row)
+            found = db.execute(f"{_CALIBRATION} WHERE id = ?", (applied.calibration_id,)).fetchone()
+            if found is None:
+                raise NotFound.noun("calibration", applied.calibration_id)
+            return applied, read_calibration(found)
+
+        return await self._database.read(read)
 
     async def runs_in_force(self) -> frozenset[str]:
         """The runs that the active calibrations of all cameras come from."""
