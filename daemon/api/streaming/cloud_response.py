@@ -78,20 +78,23 @@ class StreamedCloud:
 
     def exchange(self, taken: TakenSocket) -> None:
         """Receive the rest and send the answer, in a thread. Raises REFUSALS, ClientDisconnect."""
+        assert self.stream.header is not None  # the answer has begun
+        record_bytes = self.stream.header.layout.itemsize
         room, unsent = memoryview(bytearray(PIECE_BYTES)), memoryview(taken.head)
         while True:
             while unsent or (unsent := memoryview(self.spool.take())):
                 if not (sent := taken.send(unsent)):
                     break
-                unsent = unsent[sent:]
+                unsent = unsent[sent:] or memoryview(b"")  # its memory is the next piece's
             if self.complete and not unsent:
                 return
+            whole = PIECE_BYTES - (PIECE_BYTES - taken.body_left) % record_bytes  # a cut record is moved by itself
             full = not self.spool.in_file and not self.spool.fits(PIECE_BYTES)
             if self.complete:
                 taken.wait(WRITE)
             elif unsent and full and taken.wait(WRITE, MAX_READER_WAIT_S):
                 continue  # the client reads, if later than it sends: no file is needed
-            elif received := taken.receive_into(room):
+            elif received := taken.receive_into(room[:whole]):
                 for part in self._answered(self.stream.parts(room[:received])):
                     self.spool.append(part)
                 if not taken.body_left:
