@@ -22,7 +22,6 @@ from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cell import Announcement, MockCell, Ports, RobotProgram
 from mock_robot.truth.truth import CellTruth
 from protocols.cb.codes import Command
-from tests.support.loop_time import loop_time
 from tests.support.waiting import LIMIT_S
 
 ROOT = Path(__file__).parents[2]
@@ -78,13 +77,12 @@ async def running_cell(
     profiler: int | None = None,
 ) -> AsyncIterator[RunningCell]:
     """A cell on ports the system chose, closed at the end whatever happens."""
-    async with loop_time() as clock:
-        cell = MockCell(truth or CellTruth.from_seed(seed), time_scale=time_scale, program=program, clock=clock)
-        try:
-            ports = Ports(serial=serial, devices=0 if devices else None, profiler=profiler)
-            yield RunningCell(cell, await cell.start(ports))
-        finally:
-            await cell.close()
+    cell = MockCell(truth or CellTruth.from_seed(seed), time_scale=time_scale, program=program)
+    try:
+        ports = Ports(serial=serial, devices=0 if devices else None, profiler=profiler)
+        yield RunningCell(cell, await cell.start(ports))
+    finally:
+        await cell.close()
 
 
 @dataclass

@@ -13,7 +13,7 @@ from mock_robot.cell import MockCell, Ports
 from mock_robot.links.cb_program import Controller
 from mock_robot.rws.world import World
 from mock_robot.truth.truth import CellTruth
-from tests.support.loop_time import loop_time
+from tests.support.patience import PatientLoop
 from tests.support.waiting import LIMIT_S
 
 Result = TypeVar("Result")
@@ -80,18 +80,17 @@ async def _started(**options: Any) -> RwsCell:
 @asynccontextmanager
 async def rws_cell(**options: Any) -> AsyncIterator[RwsCell]:
     """In this loop."""
-    async with loop_time() as clock:
-        cell = await _started(clock=clock, **options)
-        try:
-            yield cell
-        finally:
-            await cell.cell.close()
+    cell = await _started(**options)
+    try:
+        yield cell
+    finally:
+        await cell.cell.close()
 
 
 @contextmanager
 def rws_cell_apart(**options: Any) -> Iterator[RwsCell]:
     """In a thread of its own."""
-    loop = asyncio.new_event_loop()
+    loop = PatientLoop()
     thread = threading.Thread(target=loop.run_forever, name="the cell", daemon=True)
     thread.start()
     try:

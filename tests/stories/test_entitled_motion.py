@@ -1,6 +1,5 @@
 """In any history the arm moves only for a request in progress, of somebody entitled, with the gate seen closed."""
 
-import asyncio
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +17,7 @@ from daemon.runs.supervisor import Supervisor
 from drivers.interlocked_robot import InterlockedRobot
 from tests.stories.motion_witness import STEPS, WatchedPlant, watched_plant
 from tests.support.cases import cases
+from tests.support.patience import run_patiently
 from tests.support.waiting import eventually
 
 pytestmark = pytest.mark.slow
@@ -42,7 +42,7 @@ async def history(steps: Sequence[Any], folder: Path) -> tuple[list[str], int]:
 @given(st.lists(st.sampled_from(STEPS), min_size=3, max_size=12))
 def test_the_arm_moves_only_for_a_request_in_progress_of_somebody_entitled(steps: list[Any]) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        wrong, _ = asyncio.run(history([P.operator_starts, *steps], Path(folder)))
+        wrong, _ = run_patiently(history([P.operator_starts, *steps], Path(folder)))
     assert wrong == []
 
 

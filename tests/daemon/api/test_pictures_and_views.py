@@ -15,6 +15,7 @@ from daemon.cell.skeleton import skeleton_mm
 from drivers.interfaces import CaptureSettings
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.fakes import BOARD, Gate
+from tests.support.patience import run_patiently
 from tests.support.waiting import LIMIT_S
 
 MAGIC = {"image/png": b"\x89PNG", "image/jpeg": b"\xff\xd8\xff", "image/webp": b"RIFF"}
@@ -132,7 +133,7 @@ async def test_a_target_that_is_not_seen_has_a_reason(bench: Bench) -> None:
 @pytest.fixture(scope="module")
 def views(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """A finished calibration run, its views, its calibration and one of its pictures."""
-    return asyncio.run(finished_runs(tmp_path_factory.mktemp("views")))
+    return run_patiently(finished_runs(tmp_path_factory.mktemp("views")))
 
 
 async def finished_runs(folder: Path) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from protocols.plc.codes import ControlBit
 from tests.extensions.touch.touches import TIP_MM
 from tests.stories.one_model.stored import check_all, check_store
 from tests.stories.one_model.world import MAY, World, a_world
+from tests.support.patience import PatientLoop
 
 STEPS = 14
 """Of one history, at most."""
@@ -62,7 +63,7 @@ class CellModel(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self._runner, self._open = asyncio.Runner(), AsyncExitStack()
+        self._runner, self._open = asyncio.Runner(loop_factory=PatientLoop), AsyncExitStack()
         self.world: World = self._do(self._open.enter_async_context(a_world()))
 
     def _do(self, step: Coroutine[Any, Any, Any]) -> Any:
