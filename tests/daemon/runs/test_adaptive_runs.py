@@ -28,20 +28,20 @@ async def test_aborted_while_it_plans_nothing_moves_and_the_plan_is_forgotten(
 
     def plans_slowly(*question: Any, **more: Any) -> NextView:
         planning.set()
-        assert go_on.wait(20)
+        assert go_on.wait(LIMIT_S)
         return next_view(*question, **more)
 
     monkeypatch.setattr("daemon.runs.adaptive_sequence.next_view", plans_slowly)
     guess = pose_json(FLANGE_T_CAMERA)
     async with serving(settings_for(tmp_path, calibration={"poses": [], "flange_T_camera_guess": guess})) as bench:
         run = (await bench.client.post("/calibrate")).json()
-        await asyncio.to_thread(planning.wait, 10)
+        await asyncio.to_thread(planning.wait, LIMIT_S)
         assert (await bench.client.get(run["links"]["self"])).json()["state"] == "planning"
         stopped = (await bench.client.post(f"/runs/{run['id']}/abort")).json()
         assert (stopped["state"], bench.robot.armed) == ("aborted", False)
         assert bench.robot.stops >= 1
         go_on.set()
-        await asyncio.to_thread(planning.wait, 10)
+        await asyncio.to_thread(planning.wait, LIMIT_S)
     assert not bench.robot.goals
 
 

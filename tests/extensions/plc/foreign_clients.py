@@ -6,8 +6,7 @@ import shutil
 
 import pytest
 
-LIMIT_S = 60.0
-
+from tests.support.waiting import LIMIT_S
 
 needs_mbpoll = pytest.mark.skipif(shutil.which("mbpoll") is None, reason="mbpoll is not here: apt-get install mbpoll")
 

@@ -17,8 +17,8 @@ from gateways.opcua.gateway import serve
 from gateways.opcua.settings import CellSettings, GatewaySettings, ServerSettings
 from gateways.opcua.vision_system import CELLS, MACHINE_VISION
 from tests.support.ports import free_port
+from tests.support.waiting import LIMIT_S
 
-LIMIT_S = 60.0
 CLIENT = "urn:test:client"
 
 UNIT = Path(__file__).resolve().parents[3] / "deploy" / "fleet" / "handeyed-opcua.service"

@@ -17,6 +17,8 @@ from asyncua import ua
 from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.cell_under_test import Bench, Parts
 from tests.gateways.opcua.plant import PlantClient, plant
+from tests.support.patience import run_patiently
+from tests.support.waiting import LIMIT_S
 
 KINDS = {"calibrate": "calibration", "verify": "verification"}
 
@@ -24,8 +26,7 @@ KINDS = {"calibrate": "calibration", "verify": "verification"}
 @pytest.mark.slow
 def test_whatever_the_order_a_run_is_one_ticket_of_an_operator(tmp_path: Path) -> None:
     """One cell and one gateway for all orders; what was true of the ones before must stay true."""
-    with asyncio.Runner() as loop:
-        loop.run(_in_any_order(tmp_path))
+    run_patiently(_in_any_order(tmp_path))
 
 
 async def _in_any_order(folder: Path) -> None:
@@ -70,7 +71,7 @@ def _machine(
             except ua.UaError as error:
                 return error
 
-        return asyncio.run_coroutine_threadsafe(answer(), loop).result(120)
+        return asyncio.run_coroutine_threadsafe(answer(), loop).result(LIMIT_S)
 
     def runs() -> list[dict[str, Any]]:
         found: list[dict[str, Any]] = wait_for(bench.client.get("/runs", params={"limit": 100})).json()["runs"]

@@ -18,6 +18,7 @@ from tests.daemon.cell_under_test import Parts, serving, settings_for
 from tests.daemon.fakes import Gate
 from tests.gateways.opcua.plant import plant, refused
 from tests.support.ports import free_port
+from tests.support.waiting import LIMIT_S
 
 AUTOMATIC = "cell7.VisionStateMachine.AutomaticModeStateMachine"
 
@@ -89,7 +90,7 @@ async def test_abort_ends_the_run_whoever_started_it_and_is_never_refused_for_wa
         cause = (ua.Variant(0, ua.VariantType.Int32), "the operator's button")
         assert await scada.call(f"{AUTOMATIC}.Abort", *cause) == 0
         gate.open.set()
-        run = (await bench.client.get(f"/runs/{started['id']}", params={"wait": 30})).json()
+        run = (await bench.client.get(f"/runs/{started['id']}", params={"wait": LIMIT_S})).json()
         assert run["state"] == "aborted"
         await scada.waits("cell7.Cell.LastResult", "aborted")
 
@@ -140,7 +141,7 @@ async def test_nobody_enters_without_a_key_encryption_and_a_trusted_certificate(
                 tokens = [str(one.client.uaclient.session.authentication_token.Identifier) for one in (mes, panel)]
             assert sorted({len(token) for token in tokens}) == [32], "nobody guesses the token of another's session"
             assert len(set(tokens)) == 2
-            plain = Client(gateway.endpoint, timeout=10)
+            plain = Client(gateway.endpoint, timeout=LIMIT_S)
             with pytest.raises((ua.UaError, ConnectionError, asyncio.TimeoutError)):
                 async with plain:
                     await plain.nodes.objects.get_children()
@@ -233,7 +234,7 @@ async def cut_off(endpoint: str) -> bool:
         chunk = struct.pack("<IIII", 0, 0, number, 1) + bytes(60_000)
         writer.write(b"MSGC" + struct.pack("<I", 8 + len(chunk)) + chunk)
     try:
-        async with asyncio.timeout(20):
+        async with asyncio.timeout(LIMIT_S):
             while await reader.read(1000):  # it may say why
                 pass
     except ConnectionError:

@@ -18,12 +18,12 @@ from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from asyncua.server.uaprocessor import UaProcessor
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from gateways.opcua import cell, sessions
+from gateways.opcua import sessions
 from gateways.opcua.vision_system import CELLS
 from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.cell_under_test import Bench
-from tests.gateways.opcua.plant import CLIENT, LIMIT_S, Plant, PlantClient, plant, refused
-from tests.support.waiting import eventually
+from tests.gateways.opcua.plant import CLIENT, Plant, PlantClient, plant, refused
+from tests.support.waiting import LIMIT_S, eventually
 
 pytestmark = pytest.mark.slow
 
@@ -45,12 +45,6 @@ class Intruder(Client):  # type: ignore[misc]
 
 
 @pytest.fixture(autouse=True)
-def an_answer_may_take_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A busy machine's daemon is not away: nothing here is about that."""
-    monkeypatch.setattr(cell, "ANSWER_S", LIMIT_S)
-
-
-@pytest.fixture(autouse=True)
 def _any_endpoint(monkeypatch: pytest.MonkeyPatch) -> None:
     """asyncua's client goes on though the gateway names no endpoint without encryption."""
     monkeypatch.setattr(Client, "find_endpoint", staticmethod(lambda endpoints, *_: endpoints[0]))
@@ -59,7 +53,7 @@ def _any_endpoint(monkeypatch: pytest.MonkeyPatch) -> None:
 @asynccontextmanager
 async def channel(gateway: Plant, name: str = "", shown: str = "") -> AsyncIterator[Intruder]:
     """A channel with the certificate `name`, "" without encryption; `shown` is the session's, "" none."""
-    client = Intruder(gateway.endpoint, timeout=60)
+    client = Intruder(gateway.endpoint, timeout=LIMIT_S)
     client.application_uri = CLIENT
     if name:
         certificate, private = gateway.folder / f"{name}.der", gateway.folder / f"{name}-key.pem"

@@ -166,13 +166,13 @@ async def test_the_loop_goes_on_while_a_picture_is_rendered(at: At, monkeypatch:
 
     def slow_picture(*_: object) -> NDArray[np.uint8]:
         rendering.set()
-        seen.append(loop_turned.wait(5.0))
+        seen.append(loop_turned.wait(LIMIT_S))
         return np.zeros((4, 4), np.uint8)
 
     monkeypatch.setattr("mock_robot.devices.http_devices.picture", slow_picture)
     pose = looking_at_the_target()
     asking = asyncio.create_task(at(lambda: pose).ask(PICTURE))
-    await asyncio.to_thread(rendering.wait, 5.0)
+    await asyncio.to_thread(rendering.wait, LIMIT_S)
     loop_turned.set()
     await asking
     assert seen == [True]

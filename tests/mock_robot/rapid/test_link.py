@@ -27,7 +27,7 @@ from tests.mock_robot.rapid.rapid_client import (
     talking,
 )
 from tests.mock_robot.running_cell import RunningCell, running_cell
-from tests.support.waiting import eventually
+from tests.support.waiting import LIMIT_S, eventually
 
 pytestmark = pytest.mark.slow
 
@@ -222,7 +222,7 @@ async def late(cell: RunningCell, step: str) -> AsyncIterator[None]:
     goes_on, does = threading.Event(), getattr(unit, step)
 
     def does_late(*arguments: object) -> object:
-        assert goes_on.wait(10.0)
+        assert goes_on.wait(LIMIT_S)
         return does(*arguments)
 
     setattr(unit, step, does_late)

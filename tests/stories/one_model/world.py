@@ -102,7 +102,7 @@ class World:
         self.keys |= keys
         client = httpx.AsyncClient(base_url=url, timeout=LIMIT_S, verify=False, trust_env=False)
         self.client = await self._connections.enter_async_context(client)
-        modbus = AsyncModbusTcpClient("127.0.0.1", port=plc_port, timeout=5, retries=0, reconnect_delay=0)
+        modbus = AsyncModbusTcpClient("127.0.0.1", port=plc_port, timeout=LIMIT_S, retries=0, reconnect_delay=0)
         self._connections.callback(modbus.close)
         assert await modbus.connect()
         self.plc = Ladder(modbus)
