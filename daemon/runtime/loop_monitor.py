@@ -32,7 +32,7 @@ class EventLoopMonitor(Service):
 
     def __init__(
         self,
-        wall_s: Callable[[], float] = time.monotonic,
+        wall_s: Callable[[], float] = time.perf_counter,
         processor_s: Callable[[], float] = time.thread_time,
         period_s: float = PERIOD_S,
     ) -> None:
