@@ -14,6 +14,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import httpx
@@ -75,9 +76,20 @@ async def running_cell(
     truth: CellTruth | None = None,
     program: RobotProgram = "rapid",
     profiler: int | None = None,
+    apart: bool = False,
 ) -> AsyncIterator[RunningCell]:
-    """A cell on ports the system chose, closed at the end whatever happens."""
-    cell = MockCell(truth or CellTruth.from_seed(seed), time_scale=time_scale, program=program)
+    """A cell on ports the system chose, closed at the end whatever happens.
+
+    `apart`: for a daemon in another process, which a busy machine may keep for seconds: the controller's time, but not
+    the arm's, goes on ten times slower, so that it waits 20 s for a sign of life.
+    """
+    slower = 10.0 if apart else 1.0
+    cell = MockCell(
+        truth or CellTruth.from_seed(seed),
+        time_scale=slower * time_scale,
+        program=program,
+        clock=lambda: monotonic() / slower,
+    )
     try:
         ports = Ports(serial=serial, devices=0 if devices else None, profiler=profiler)
         yield RunningCell(cell, await cell.start(ports))

@@ -189,7 +189,7 @@ async def daemon_process(folder: Path, settings: dict[str, Any]) -> AsyncIterato
 
 
 async def test_killed_in_mid_run_the_daemon_says_so_after_its_restart_and_the_arm_stays(tmp_path: Path) -> None:
-    async with running_cell(time_scale=20, truth=small_pictures(7)) as cell:
+    async with running_cell(time_scale=20, truth=small_pictures(7), apart=True) as cell:
         settings = taught_settings(cell, tmp_path)
         async with daemon_process(tmp_path, settings) as daemon:
             await daemon.operator.waits_until_ready()
@@ -209,7 +209,7 @@ async def test_killed_in_mid_run_the_daemon_says_so_after_its_restart_and_the_ar
 
 
 async def test_sigterm_in_mid_run_aborts_it_ends_event_streams_and_leaves_the_arm_disarmed(tmp_path: Path) -> None:
-    async with running_cell(time_scale=20, truth=small_pictures(7)) as cell:
+    async with running_cell(time_scale=20, truth=small_pictures(7), apart=True) as cell:
         settings = taught_settings(cell, tmp_path)
         async with daemon_process(tmp_path, settings) as daemon:
             await daemon.operator.waits_until_ready()
@@ -237,7 +237,7 @@ async def test_sigterm_in_mid_run_aborts_it_ends_event_streams_and_leaves_the_ar
 async def test_any_signal_that_ends_the_daemon_stops_and_disarms_the_arm_in_mid_move(
     tmp_path: Path, number: signal.Signals
 ) -> None:
-    async with running_cell(time_scale=20, truth=small_pictures(7)) as cell:
+    async with running_cell(time_scale=20, truth=small_pictures(7), apart=True) as cell:
         settings = taught_settings(cell, tmp_path)
         async with daemon_process(tmp_path, settings) as daemon:
             await daemon.operator.waits_until_ready()
