@@ -167,6 +167,8 @@ async def daemon_process(folder: Path, settings: dict[str, Any]) -> AsyncIterato
     ready, config = folder / f"ready-{os.urandom(4).hex()}.json", folder / "settings.json"
     config.write_text(json.dumps(settings))
     program = (
+        "from daemon.cell import safe_stop; safe_stop.MAX_ATTEMPT_S = 60.0;"  # a busy machine's stop takes long
+        "from daemon import application; application.MAX_LAST_EVENT_S = 60.0;"
         "import json, sys, pathlib; from daemon.composition import serve; from daemon.config.settings import Settings;"
         "serve(Settings.model_validate(json.loads(pathlib.Path(sys.argv[1]).read_text())),"
         " ready_file=pathlib.Path(sys.argv[2]))"
