@@ -4,7 +4,7 @@ import asyncio
 import socket
 import ssl
 import warnings
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -96,7 +96,7 @@ def test_handshakes_that_never_end_make_room_and_are_cut_off(
                 async with httpx.AsyncClient(
                     base_url=url, verify=trusting(tmp_path / "tls"), timeout=LIMIT_S
                 ) as client:
-                    assert (await client.get("/health")).status_code == 200
+                    assert (await connecting(lambda: client.get("/health"))).status_code == 200
                 assert len(door.unauthenticated) <= limits.connections // 4
             for reader, writer in half:
                 with suppress(ConnectionError):
@@ -106,6 +106,14 @@ def test_handshakes_that_never_end_make_room_and_are_cut_off(
 
     with asyncio.Runner(loop_factory=loops) as runner:
         runner.run(scanned())
+
+
+async def connecting(ask: Callable[[], Awaitable[httpx.Response]]) -> httpx.Response:
+    """The first answer: on a busy machine the client's own handshake may be cut off."""
+    async with asyncio.timeout(LIMIT_S):
+        while True:
+            with suppress(httpx.TransportError):
+                return await ask()
 
 
 @pytest.mark.parametrize("loops", [asyncio.new_event_loop, uvloop.new_event_loop])
