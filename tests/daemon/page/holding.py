@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+from tests.daemon.page.conftest import TWO_FRAMES
 from tests.support.waiting import LIMIT_S
 
 HOLD_MS = 1400
@@ -73,19 +74,26 @@ async def hold_requests(page: Any, pattern: str) -> asyncio.Event:
     return released
 
 
-async def hold_until_moving(page: Any, button: str, reached: asyncio.Event) -> None:
-    """Hold a button by key until the arm is on its way; again where the page let go, no word answered in time."""
-    while not reached.is_set():
-        await page.locator(f"{button}:not([aria-disabled])").focus()
-        await page.keyboard.down("Enter")
-        await page.locator(f"{button}:not(.idle)").wait_for()
-        ends = [asyncio.create_task(page.locator(f"{button}.idle").wait_for()), asyncio.create_task(reached.wait())]
-        await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
-        for one in ends:
-            one.cancel()
-        await asyncio.gather(*ends, return_exceptions=True)
-        if not reached.is_set():
-            await page.keyboard.up("Enter")
+async def keep_holding(page: Any, button: str, until: Callable[[], bool], *, by_mouse: bool = False) -> None:
+    """Hold a button until something is true, and on; again where the page let go, as no word was answered in time."""
+    usable, idle = page.locator(f"{button}:not([aria-disabled])"), page.locator(f"{button}.idle")
+    async with asyncio.timeout(LIMIT_S):
+        while not until():
+            if await usable.count():
+                await (usable.hover() if by_mouse else usable.focus())
+                await (page.mouse.down() if by_mouse else page.keyboard.down("Enter"))
+                await page.evaluate(TWO_FRAMES)
+                while not until() and not await idle.count():
+                    await page.wait_for_timeout(20)
+                if not until():
+                    await (page.mouse.up() if by_mouse else page.keyboard.up("Enter"))
+            await page.wait_for_timeout(20)
+
+
+async def press_shortly(one: Any) -> None:
+    """Press a key and let go at once, however busy the machine is."""
+    await one.evaluate("""one => ['keydown', 'keyup'].forEach(
+        kind => one.dispatchEvent(new KeyboardEvent(kind, {key: 'Enter', bubbles: true})))""")
 
 
 async def let_go(page: Any, how: str) -> None:

@@ -17,7 +17,7 @@ from tests.daemon.by_hand import COLUMNS, FRAME_PX, POSES, ROWS, ByHand, by_hand
 from tests.daemon.cell_under_test import Parts
 from tests.daemon.fakes import Gate
 from tests.daemon.page.conftest import page_of
-from tests.daemon.page.holding import hold_until_moving, let_go
+from tests.daemon.page.holding import keep_holding, let_go, press_shortly
 from tests.support.waiting import LIMIT_S, eventually
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow, pytest.mark.usefixtures("patient_lease")]
@@ -66,9 +66,7 @@ async def test_one_hold_brings_the_target_into_its_frame(browser: Any, tmp_path:
             assert one["y"] + one["height"] <= SCREEN["height"]
         assert picture["width"] >= 640
         frame = await page.locator(FRAME).get_attribute("points")
-        await go.focus()
-        await page.keyboard.down("Enter")
-        await eventually(lambda: bool(np.allclose(robot.base_T_flange, there, atol=1e-9)))
+        await keep_holding(page, "#hold-there", lambda: bool(np.allclose(robot.base_T_flange, there, atol=1e-9)))
         await page.keyboard.up("Enter")
         await eventually(lambda: not robot.armed)
         stood = POSES[2]
@@ -104,7 +102,7 @@ async def test_the_arm_stops_when_it_is_let_go_and_the_run_waits_on(
         robot = hand.bench.robot
         one = page.locator(button)
         await one.evaluate("one => { one.dataset.held = 'yes' }")
-        await asyncio.wait_for(hold_until_moving(page, "[data-held]", gate.reached), LIMIT_S)
+        await keep_holding(page, "[data-held]", gate.reached.is_set)
         assert robot.armed
         await let_go(page, how)
         await eventually(lambda: not robot.armed)
@@ -145,9 +143,7 @@ async def test_a_short_press_moves_nothing_in_a_run(browser: Any, tmp_path: Path
     async with advised(browser, tmp_path) as (hand, page, _):
         asked: list[str] = []
         page.on("request", lambda request: asked.append(request.url) if request.method == "POST" else None)
-        short = """one => ['keydown', 'keyup'].forEach(
-            kind => one.dispatchEvent(new KeyboardEvent(kind, {key: 'Enter', bubbles: true})))"""
         for button in ("#hold-there", ".arrow.towards"):
-            await page.locator(button).first.evaluate(short)
+            await press_shortly(page.locator(button).first)
         await page.get_by_text("Hold: the arm moves until you let go.").wait_for()
         assert (hand.bench.robot.goals, [url for url in asked if "/jog" in url]) == ([], [])

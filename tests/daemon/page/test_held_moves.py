@@ -10,7 +10,7 @@ import pytest
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate
 from tests.daemon.page.conftest import page_of
-from tests.daemon.page.holding import hold_until_moving, let_go
+from tests.daemon.page.holding import keep_holding, let_go, press_shortly
 from tests.support.waiting import LIMIT_S, eventually
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow, pytest.mark.usefixtures("patient_lease")]
@@ -40,9 +40,8 @@ async def test_after_an_abort_one_hold_brings_the_arm_back_to_the_target(browser
         button = page.get_by_role("button", name=BACK)
         await button.wait_for()
         assert await page.locator("main .primary").locator("visible=true").count() == 1
-        await button.focus()
-        await page.keyboard.down("Enter")
-        await eventually(lambda: bool(np.allclose(bench.robot.base_T_flange, seen_at, atol=1e-9)))
+        there = lambda: bool(np.allclose(bench.robot.base_T_flange, seen_at, atol=1e-9))  # noqa: E731
+        await keep_holding(page, "#hold-back", there)
         await page.keyboard.up("Enter")
         assert len(bench.robot.goals) >= 10
         await page.get_by_text("Not calibrated yet.").wait_for()
@@ -56,7 +55,7 @@ async def test_the_arm_stops_however_the_button_is_let_go(browser: Any, tmp_path
         await aborted_away(bench, parts)
         parts.robot.before_move = gate = Gate(3)
         await page.goto(f"{bench.url}/page/?lang=en#/cell")
-        await asyncio.wait_for(hold_until_moving(page, "#hold-back", gate.reached), LIMIT_S)
+        await keep_holding(page, "#hold-back", gate.reached.is_set)
         assert bench.robot.armed
         await let_go(page, how)
         await eventually(lambda: not bench.robot.armed)
@@ -74,9 +73,7 @@ async def test_a_pointer_that_leaves_or_is_joined_by_another_lets_go(browser: An
         parts.robot.before_move = gate = Gate(3)
         await page.goto(f"{bench.url}/page/?lang=en#/cell")
         box = await page.get_by_role("button", name=BACK).bounding_box()
-        await page.mouse.move(box["x"] + 20, box["y"] + 20)
-        await page.mouse.down()
-        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        await keep_holding(page, "#hold-back", gate.reached.is_set, by_mouse=True)
         if how == "up":
             await page.mouse.up()
         elif how == "leaves":
@@ -95,6 +92,6 @@ async def test_a_short_press_moves_nothing(browser: Any, tmp_path: Path) -> None
         asked: list[Any] = []
         page.on("request", lambda request: asked.append(request.url) if request.method == "POST" else None)
         await page.goto(f"{bench.url}/page/?lang=en#/cell")
-        await page.get_by_role("button", name=BACK).press("Enter", delay=300)
+        await press_shortly(page.get_by_role("button", name=BACK))
         await page.get_by_text("Hold: the arm moves until you let go.").wait_for()
         assert (bench.robot.goals, [url for url in asked if "jog" in url]) == ([], [])
