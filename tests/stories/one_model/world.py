@@ -363,7 +363,8 @@ def _receive(ready: Connection) -> Any:
 async def a_world(sabotage: str = "") -> AsyncIterator[World]:
     """A cell whose arm stands at the first taught pose, and a daemon with an empty store."""
     folder = Path(tempfile.mkdtemp(prefix="handeyed-model-"))
-    async with running_cell(time_scale=60.0, truth=quiet_truth(), program="python", devices=False) as cell:
+    made = running_cell(time_scale=60.0, truth=quiet_truth(), program="python", devices=False, apart=True)
+    async with made as cell:
         controller = cell.controller
         joints = find_arm(ARM).inverse(TAUGHT[0])[0]
         controller.arm.jog(joints, 0.01, controller.robot_s(cell.cell.clock()))
