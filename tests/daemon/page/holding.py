@@ -76,14 +76,16 @@ async def hold_requests(page: Any, pattern: str) -> asyncio.Event:
 
 async def keep_holding(page: Any, button: str, until: Callable[[], bool], *, by_mouse: bool = False) -> None:
     """Hold a button until something is true, and on; again where the page let go, as no word was answered in time."""
-    usable, idle = page.locator(f"{button}:not([aria-disabled])"), page.locator(f"{button}.idle")
+    usable = page.locator(button).and_(page.locator(":not([aria-disabled])"))
+    held = page.locator("[data-held]:not(.idle)")  # the page may find another button for `button` meanwhile
     async with asyncio.timeout(LIMIT_S):
         while not until():
             if await usable.count():
+                await usable.evaluate("one => { one.dataset.held = 'yes' }")
                 await (usable.hover() if by_mouse else usable.focus())
                 await (page.mouse.down() if by_mouse else page.keyboard.down("Enter"))
                 await page.evaluate(TWO_FRAMES)
-                while not until() and not await idle.count():
+                while not until() and await held.count():
                     await page.wait_for_timeout(20)
                 if not until():
                     await (page.mouse.up() if by_mouse else page.keyboard.up("Enter"))

@@ -100,9 +100,7 @@ async def test_the_arm_stops_when_it_is_let_go_and_the_run_waits_on(
     parts.robot.before_move = gate = Gate(2)
     async with advised(browser, tmp_path, parts) as (hand, page, _):
         robot = hand.bench.robot
-        one = page.locator(button)
-        await one.evaluate("one => { one.dataset.held = 'yes' }")
-        await keep_holding(page, "[data-held]", gate.reached.is_set)
+        await keep_holding(page, button, gate.reached.is_set)
         assert robot.armed
         await let_go(page, how)
         await eventually(lambda: not robot.armed)
