@@ -147,7 +147,7 @@ def watch(page: Any, wrong: list[str]) -> None:
 def patient_lease(monkeypatch: pytest.MonkeyPatch) -> None:
     """A lease that a busy machine keeps; that silence ends it in time is tried in tests/daemon/runs."""
     monkeypatch.setattr(held_button, "LEASE_S", 10.0)
-    monkeypatch.setattr(held_button, "FIRST_S", LIMIT_S)
+    monkeypatch.setattr(held_button, "FIRST_S", 30.0)  # then a button that the page let go unheard is forgotten
 
 
 @pytest.fixture(scope="session")
