@@ -65,6 +65,10 @@ DICTIONARY_GROUPS = (
 """OpenCV's dictionaries; those of a group begin with the same markers, and the first with enough of them is named."""
 SURE_DICTIONARIES = ("DICT_5X5", "DICT_6X6", "DICT_7X7", "DICT_APRILTAG_36", "DICT_ARUCO_MIP")
 """Dictionaries whose markers nothing else is taken for, so that one alone is believed."""
+SEARCHES_OF_KIND: dict[type, int] = {
+    AprilTagGrid: 1, ArucoGrid: 1, Charuco: 2, Chessboard: 2, CircleGrid: 3, ArucoMarker: 4
+}  # fmt: skip
+"""How many of the searches, in their order, may give a target of a kind; later ones give other kinds only."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +83,15 @@ class Recognised:
     doubts: tuple[Sentence, ...]
 
 
-def recognise(image: NDArray[Any]) -> Recognised | None:
-    """The target that an 8-bit picture (h, w) or (h, w, 3) shows; None where there is none. Raises DetectionError."""
+def recognise(image: NDArray[Any], kind: type | None = None) -> Recognised | None:
+    """The target that an 8-bit picture (h, w) or (h, w, 3) shows; None where there is none. Raises DetectionError.
+
+    With a `kind`, what only another kind can be is not searched; another one that comes first is still returned.
+    """
     grey = grey_image(image)
+    searches = (boards_of_markers, boards_of_corners, grids_of_dots, single_markers)
     with silence_opencv():
-        for search in (boards_of_markers, boards_of_corners, grids_of_dots, single_markers):
+        for search in searches if kind is None else searches[: SEARCHES_OF_KIND[kind]]:
             for candidates in search(grey):
                 found = [one for target in candidates if (one := verify(grey, target)) is not None]
                 if found:
@@ -143,7 +151,7 @@ class Alternative:
 
 def find_alternative(image: Grey, described: Target) -> Alternative | None:
     """What an image shows in which `described` was not found, with its lengths; None where it is of another kind."""
-    found = recognise(image)
+    found = recognise(image, type(described))
     if found is None or type(found.target) is not type(described):
         return None
     lengths = {field.name: getattr(described, field.name) for field in fields(described) if field.name.endswith("_mm")}
