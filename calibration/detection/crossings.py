@@ -2,7 +2,7 @@
 
 Candidates are maxima of the saddle strength Ixy² - Ixx Iyy. Each is kept when the grey values on a ring around it are
 bright, dark, bright, dark, and opposite edges lie half a turn apart. Corners are found one by one, so neither whole
-squares nor a white margin around the board are needed.
+squares nor a white margin around the board are needed. Columns of a strip that hardly vary are not searched.
 """
 
 from dataclasses import dataclass
@@ -61,18 +61,26 @@ def find_crossings(image: Grey, ring_radius_px: float) -> Crossings:
 def _saddle_maxima(smooth: Grey, margin: int) -> Array:
     """Sub-pixel maxima (n, 2) of the saddle strength, strongest first."""
     (height, width), strengths, points = smooth.shape, [np.empty(0, np.float32)], [np.empty((0, 2))]
-    rows = max(1, STRIP_PIXELS // width)
+    rows, window = max(1, STRIP_PIXELS // width), np.ones((1, 2 * margin + 1), np.uint8)
     for top in range(margin, height - margin, rows):
-        strip = smooth[top - REACH : min(top + rows, height - margin) + REACH]
+        bottom = min(top + rows, height - margin)
+        seen = smooth[top - margin : bottom + margin]  # with the rings
+        brightest, darkest = cv2.dilate(seen.max(axis=0)[None], window), cv2.erode(seen.min(axis=0)[None], window)
+        varied = np.flatnonzero((brightest - darkest)[0, margin : width - margin] >= MIN_CONTRAST_LEVELS) + margin
+        if varied.size == 0:
+            continue
+        left, right = int(varied[0]), int(varied[-1]) + 1
+        strip = smooth[top - REACH : bottom + REACH, left - REACH : right + REACH]
         # 16 bits hold the second differences of 8, and single precision their products, without rounding.
         xx, yy, xy = (cv2.Sobel(strip, cv2.CV_16S, a, b, ksize=3) for a, b in ((2, 0), (0, 2), (1, 1)))
         strength = np.asarray(cv2.multiply(xy, xy, dtype=cv2.CV_32F), np.float32)
         strength -= np.asarray(cv2.multiply(xx, yy, dtype=cv2.CV_32F), np.float32)
         is_maximum = strength >= cv2.dilate(strength, np.ones((5, 5), np.uint8))
         is_maximum &= strength > MIN_CONTRAST_LEVELS**2
-        is_maximum[:REACH], is_maximum[-REACH:], is_maximum[:, :margin], is_maximum[:, -margin:] = 0, 0, 0, 0
-        row, column = np.divmod(np.flatnonzero(is_maximum), width)
-        x, y = column + _peak(strength, row, column, 0, 1), row + (top - REACH) + _peak(strength, row, column, 1, 0)
+        is_maximum[:REACH], is_maximum[-REACH:], is_maximum[:, :REACH], is_maximum[:, -REACH:] = 0, 0, 0, 0
+        row, column = np.divmod(np.flatnonzero(is_maximum), is_maximum.shape[1])
+        x = column + (left - REACH) + _peak(strength, row, column, 0, 1)
+        y = row + (top - REACH) + _peak(strength, row, column, 1, 0)
         strengths.append(strength[row, column])
         points.append(np.column_stack([x, y]))
     return np.concatenate(points)[np.argsort(-np.concatenate(strengths), kind="stable")[:MAX_CANDIDATES]]
