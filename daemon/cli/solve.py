@@ -206,6 +206,8 @@ def solve_session(
     """The calibration and what it is of; None of pairs of points. Raises CommandError, DocumentError."""
     from dataclasses import replace
 
+    import cv2
+
     from calibration.documents.planning_settings import NoiseExpectedDocument
     from calibration.likelihood.mapped_points import at_points
     from calibration.planning.what_if import PlanComparison
@@ -221,6 +223,7 @@ def solve_session(
     if camera is not None:
         changes["camera"] = camera
     session = replace(session, document=session.document.model_copy(update=changes))
+    cv2.setNumThreads(1)  # pictures are read in threads; those of OpenCV would take processor time to wait for work
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(session, progress)
     if problem.in_space and method != "auto":
