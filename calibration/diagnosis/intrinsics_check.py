@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 from math import gcd
 
 import numpy as np
-import scipy
 
 from calibration.camera import BROWN, CameraModel
 from calibration.diagnosis.evidence import pixel_deviation
 from calibration.errors import UndeterminedError
 from calibration.intrinsics.bundle_adjustment import adjust
 from calibration.intrinsics.estimate import CameraEstimate, estimate_camera
+from calibration.likelihood.distributions import f_tail
 from calibration.linear_algebra import scaled_pseudo_inverse, scaled_solve
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import INTRINSICS, RATIONAL_INTRINSICS, pixel_statistics
@@ -205,4 +205,4 @@ def _p_value(seen: Observations, before: float, after: float) -> float:
     numbers = 2 * int(np.count_nonzero(seen.weights)) - 6 * len(seen)
     left = max(numbers - INTRINSICS, 1)
     ratio = max(before / after - 1, 0.0) * left / INTRINSICS
-    return float(scipy.special.fdtrc(INTRINSICS, left, ratio))
+    return f_tail(INTRINSICS, left, ratio)

@@ -18,6 +18,7 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import MIN_VARIANCES, Fit, apply_fit
 from calibration.diagnosis.significance import NoisePosterior
 from calibration.kinematics.robot_accuracy import PRIOR_FACTOR, PRIOR_NOISE
+from calibration.likelihood.distributions import chi_squared_tail
 from calibration.linear_algebra import scaled_inverse_and_log_determinant, squared_distances
 from calibration.transforms import Array
 
@@ -107,7 +108,7 @@ def p_value_beside_pose_errors(
             alike = min(by_travel * levels[1], MAX_TRAVEL_SHARE**2) if follows else 0.0
             spread = by_unknowns @ shared @ by_unknowns.T + alike * np.eye(len(value))
             distance = squared_distances(value + by_unknowns @ step, spread)
-            chances.append(scipy.special.chdtrc(len(value), distance))
+            chances.append(float(chi_squared_tail(len(value), distance)))
     if not likely:
         return 0.0
     weights = np.exp(np.array(likely) - np.max(likely))

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import scipy
 
 from calibration.diagnosis.fit import MIN_INFORMATION, MIN_VARIANCES, Fit
 from calibration.kinematics.robot_accuracy import PRIOR_FACTOR, PRIOR_NOISE
+from calibration.likelihood.distributions import chi_squared_tail
 from calibration.linear_algebra import (
     inverse_or_pseudo_inverse,
     mixture_moments,
@@ -98,7 +98,7 @@ class NoisePosterior:
 
     def _p_value(self, off: Array, covariance: Array) -> float:
         """p value of values (k, d) with covariances (k, d, d) at the k pairs of levels."""
-        return float(self.weights @ scipy.special.chdtrc(off.shape[1], squared_distances(off, covariance)))
+        return float(self.weights @ chi_squared_tail(off.shape[1], squared_distances(off, covariance)))
 
     def outside_view(self, seen: Fit, by_camera: Array | None) -> "OutsideView":
         """A view that is not part of the fit; `seen` is its `fit.apply_fit`, `by_camera` that of its evidence."""
@@ -129,7 +129,7 @@ class OutsideView:
         directions = np.linalg.solve(self.covariances, slopes.T)  # (k, 6, m)
         own = np.maximum(np.sum(slopes.T * directions, axis=1), MIN_INFORMATION)
         squares = np.sum((self.residual + self.steps)[:, :, None] * directions, axis=1) ** 2 / own
-        chances: Array = self.background.weights @ scipy.special.chdtrc(1, squares)
+        chances: Array = self.background.weights @ chi_squared_tail(1, squares)
         return chances
 
     def best_multiples(self, slopes: Array) -> Array:

@@ -1,11 +1,11 @@
-"""Fisher's F and the polygamma functions, as `scipy.special` has them.
+"""Chi-squared, Fisher's F and the polygamma functions, as `scipy.special` has them.
 
-A calibration without a fault needs nothing else of SciPy, whose import takes as much processor time as the estimate.
-Sources: NIST Digital Library of Mathematical Functions, 8.17(v) (continued fraction) and 5.15 (series); W. Press et
-al., Numerical Recipes, 2007, 5.2 (Lentz's method).
+Most calibrations need nothing else of SciPy, whose import takes as much processor time as the estimate.
+Sources: NIST Digital Library of Mathematical Functions, 8.4 and 8.8 (recurrence), 8.17(v) (continued fraction) and 5.15
+(series); W. Press et al., Numerical Recipes, 2007, 5.2 (Lentz's method).
 """
 
-from math import exp, lgamma, log, nan
+from math import erfc, exp, gamma, lgamma, log, nan
 
 import numpy as np
 
@@ -21,8 +21,21 @@ LOG_RATIOS = (-700.0, 700.0)
 
 HALVINGS = 60
 
+MAX_HALF_SQUARE = 1e4
+"""Of chi-squared; a larger one has no probability left in double precision."""
+
 SHIFT = 16
 """By which the argument of a polygamma function is raised until the series has 14 digits."""
+
+
+def chi_squared_tail(freedom: int, squares: Array | float) -> Array:
+    """Probabilities of larger values than `squares`, of any shape, under chi-squared with few degrees of freedom."""
+    half = np.clip(np.asarray(squares, float) / 2, 0.0, MAX_HALF_SQUARE)
+    if freedom == 1:
+        return np.asarray(np.vectorize(erfc, otypes=[float])(np.sqrt(half)))
+    if freedom == 2:
+        return np.exp(-half)
+    return chi_squared_tail(freedom - 2, squares) + half ** (freedom / 2 - 1) * np.exp(-half) / gamma(freedom / 2)
 
 
 def f_tail(numerator: float, denominator: float, ratio: float) -> float:

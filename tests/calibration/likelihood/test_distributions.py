@@ -1,12 +1,19 @@
-"""Fisher's F and the polygamma functions beside SciPy's."""
+"""Chi-squared, Fisher's F and the polygamma functions beside SciPy's."""
 
 import numpy as np
 import pytest
 import scipy
 
-from calibration.likelihood.distributions import f_quantile, f_tail, tetragamma, trigamma
+from calibration.likelihood.distributions import chi_squared_tail, f_quantile, f_tail, tetragamma, trigamma
 
 DEGREES = [(1, 3), (6, 3), (6, 78), (0.4, 1252.0), (30.0, 5145.0), (6689.0, 349.0)]
+
+
+@pytest.mark.parametrize("freedom", range(1, 13))
+def test_the_tail_of_chi_squared_is_scipys(freedom: int) -> None:
+    squares = np.append(np.geomspace(1e-9, 1e3, 200), [0.0, np.inf, 1e300, np.nan]).reshape(4, -1)
+    expected = scipy.special.chdtrc(freedom, squares)
+    np.testing.assert_allclose(chi_squared_tail(freedom, squares), expected, rtol=1e-12, atol=1e-300)
 
 
 @pytest.mark.parametrize(("numerator", "denominator"), DEGREES)
