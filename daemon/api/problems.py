@@ -93,17 +93,12 @@ def status_of_kind(error: type[Exception]) -> int:
 def problem_of(error: Exception) -> Problem:
     status = status_of_kind(type(error))
     code, what, fix = _words(error)
-    problems = getattr(error, "problems", None)
-    reasons = getattr(error, "reasons", None)
-    problem = Problem.of(
-        status,
-        code,
-        what,
-        fix,
-        holder=getattr(error, "holder", None),
-        reasons=None if reasons is None else list(reasons),
-        problems=None if problems is None else list(problems),
-    )
+    problem = Problem.of(status, code, what, fix)
+    problem.holder = getattr(error, "holder", None)
+    if (reasons := getattr(error, "reasons", None)) is not None:
+        problem.reasons = list(reasons)
+    if (problems := getattr(error, "problems", None)) is not None:
+        problem.problems = list(problems)
     if isinstance(what, Sentence):
         made, advice = SentenceDocument.each_of((what, fix))
         problem.details = {"what": made, "fix": advice}

@@ -46,19 +46,7 @@ class Problem(BaseModel):
     disarmed: Literal["confirmed", "unconfirmed"] | None = None
 
     @classmethod
-    def of(
-        cls,
-        status: int,
-        code: str,
-        detail: str,
-        fix: str,
-        *,
-        holder: str | None = None,
-        reasons: list[str] | None = None,
-        problems: list[DocumentProblem] | None = None,
-    ) -> "Problem":
+    def of(cls, status: int, code: str, detail: str, fix: str) -> "Problem":
         """A problem with `type` and `title` derived from code and status."""
-        return cls(
-            type=f"urn:handeyed:problem:{code}", title=reason_phrase(status), status=status, code=code, detail=detail,
-            fix=fix, holder=holder, reasons=reasons, problems=problems,
-        )  # fmt: skip
+        kind, title = f"urn:handeyed:problem:{code}", reason_phrase(status)
+        return cls(type=kind, title=title, status=status, code=code, detail=detail, fix=fix)
