@@ -2,7 +2,7 @@
 
 from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.cell import Devices
-from daemon.cell.exposure_control import ExposureControl, ExposureLimits
+from daemon.cell.exposure_control import ExposureControl
 from daemon.cell.settling import VibrationGate
 from daemon.config.settings import CameraSettings, ScannerSettings, Settings
 from daemon.runtime.clock import Clock
@@ -46,8 +46,7 @@ def open_exposure_control(settings: Settings, camera: Camera, workers: Workers, 
     limits = settings.camera.exposure
     if limits is None:
         return None
-    wanted = ExposureLimits(limits.exposure_us, limits.gain_db)
-    return ExposureControl(camera, settings.target, wanted, workers, clock.monotonic_s)
+    return ExposureControl(camera, settings.target, limits, workers, clock)
 
 
 def _open_camera(settings: CameraSettings, timing: Timing) -> Camera:

@@ -4,7 +4,6 @@ A sensor is linear, so one picture that is neither black nor saturated gives the
 """
 
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
 from math import log10
 
 import cv2
@@ -14,6 +13,8 @@ from numpy.typing import NDArray
 from calibration.errors import DetectionError
 from calibration.targets import Target
 from calibration.transforms import Array
+from daemon.config.settings import ExposureSettings
+from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from drivers.interfaces import AdjustableCamera, Camera, CameraFrame, Exposure, ExposureRange
 
@@ -30,16 +31,9 @@ MAX_STEPS = 6
 """Pictures after which the exposure stays: from 1/1000 to 1000 times the right one it takes five."""
 
 
-@dataclass(frozen=True)
-class ExposureLimits:
-    """The user's limits, ends included."""
-
-    exposure_us: tuple[float, float]
-    gain_db: tuple[float, float]
-
-    def within(self, camera: ExposureRange) -> ExposureRange:
-        """What both allow; where they do not meet, what the camera can that is nearest to the user's limits."""
-        return ExposureRange(_overlap(self.exposure_us, camera.exposure_us), _overlap(self.gain_db, camera.gain_db))
+def within(user: ExposureSettings, camera: ExposureRange) -> ExposureRange:
+    """What both allow; where they do not meet, what the camera can that is nearest to the user's limits."""
+    return ExposureRange(_overlap(user.exposure_us, camera.exposure_us), _overlap(user.gain_db, camera.gain_db))
 
 
 def next_exposure(
@@ -67,10 +61,10 @@ class ExposureControl:
     """Adjusts a camera by the pictures that it takes; nothing for a camera that cannot be adjusted."""
 
     def __init__(
-        self, camera: Camera, target: Target, limits: ExposureLimits, workers: Workers, monotonic_s: Callable[[], float]
+        self, camera: Camera, target: Target, limits: ExposureSettings, workers: Workers, clock: Clock
     ) -> None:
         self._camera, self._target, self.limits = camera, target, limits
-        self._workers, self._monotonic_s = workers, monotonic_s
+        self._workers, self._clock = workers, clock
 
     async def expose(self, grab: Callable[[float], Awaitable[CameraFrame]], newer_than_s: float) -> CameraFrame:
         """A frame exposed after `newer_than_s`, well exposed as far as the limits allow. Raises DeviceError."""
@@ -82,11 +76,11 @@ class ExposureControl:
             if state is None:
                 break
             now, camera_range = state
-            wanted = await self._workers.run(self._search, frame.image, now, self.limits.within(camera_range))
+            wanted = await self._workers.run(self._search, frame.image, now, within(self.limits, camera_range))
             if wanted is None:
                 break
             await self._camera.set_exposure(wanted)
-            frame = await grab(self._monotonic_s())
+            frame = await grab(self._clock.monotonic_s())
         return frame
 
     def _search(self, image: NDArray[np.uint8], now: Exposure, limits: ExposureRange) -> Exposure | None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from daemon.cell.exposure_control import ExposureLimits
 from daemon.config.settings import ExposureSettings, Settings, load_settings_file
 from daemon.server import changes, taken_over
 from tests.daemon.cell_under_test import Bench, settings_for
@@ -48,7 +47,7 @@ async def test_a_fragment_is_taken_over_and_the_hash_of_about_covers_it(file: Pa
         assert after == {"file": str(file), "sha256": load_settings_file(file)[1].sha256}
 
 
-def limits_of(bench: Bench) -> ExposureLimits | None:
+def limits_of(bench: Bench) -> ExposureSettings | None:
     control = bench.application.cameras[0].operations.cell.exposure
     return None if control is None else control.limits
 
@@ -64,7 +63,7 @@ async def test_the_limits_of_the_camera_s_exposure_are_taken_over_when_no_run_is
         assert limits_of(bench) is None
         await bench.client.post(f"/runs/{run}/abort")
         await reloading
-        assert limits_of(bench) == ExposureLimits((20.0, 500.0), (0.0, 6.0))
+        assert limits_of(bench) == ExposureSettings(exposure_us=(20.0, 500.0))
         assert (await shown(bench))["camera"]["exposure"]["exposure_us"] == [20.0, 500.0]
         assert (await bench.client.get("/ready")).json()["warnings"] == []
         write(file)

@@ -7,7 +7,8 @@ import pytest
 
 from calibration.detection.detect import detect
 from calibration.targets import Charuco
-from daemon.cell.exposure_control import ExposureControl, ExposureLimits, next_exposure
+from daemon.cell.exposure_control import ExposureControl, next_exposure, within
+from daemon.config.settings import ExposureSettings
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from drivers.interfaces import CameraFrame, Exposure, ExposureRange
@@ -18,7 +19,7 @@ IDEAL = Optics(background=0.3)
 CAMERA, TARGET = industrial_camera(640, 480), Charuco(7, 5, 30.0, 22.0, "DICT_4X4_50")
 IDEAL_EXPOSURE_US = 10_000.0
 RANGE = ExposureRange((20.0, 1_000_000.0), (0.0, 24.0))
-LIMITS = ExposureLimits((20.0, 200_000.0), (0.0, 6.0))
+LIMITS = ExposureSettings(exposure_us=(20.0, 200_000.0))
 VIEWS = 4
 CLOCK = Clock()
 
@@ -76,7 +77,7 @@ def rms(errors):
 )
 async def test_the_target_is_found_nearly_as_exactly_as_in_ideal_light(lights, workers):
     camera = LitCamera()
-    control = ExposureControl(camera, TARGET, LIMITS, workers, CLOCK.monotonic_s)
+    control = ExposureControl(camera, TARGET, LIMITS, workers, CLOCK)
     ideal, adjusted = [], []
     for camera.view in range(VIEWS):
         camera.light = lights[camera.view % len(lights)]
@@ -89,14 +90,14 @@ async def test_the_target_is_found_nearly_as_exactly_as_in_ideal_light(lights, w
 
 async def test_a_well_exposed_view_costs_one_picture(workers):
     camera = LitCamera()
-    await ExposureControl(camera, TARGET, LIMITS, workers, CLOCK.monotonic_s).expose(camera.grab, 0.0)
+    await ExposureControl(camera, TARGET, LIMITS, workers, CLOCK).expose(camera.grab, 0.0)
     assert camera.pictures == 1 and camera.set_to == Exposure(IDEAL_EXPOSURE_US)
 
 
 async def test_too_little_light_ends_at_the_users_limits(workers):
     camera = LitCamera()
     camera.light = 1e-4
-    await ExposureControl(camera, TARGET, LIMITS, workers, CLOCK.monotonic_s).expose(camera.grab, 0.0)
+    await ExposureControl(camera, TARGET, LIMITS, workers, CLOCK).expose(camera.grab, 0.0)
     assert camera.set_to == Exposure(200_000.0, 6.0)
 
 
@@ -105,7 +106,7 @@ async def test_a_camera_that_cannot_be_adjusted_is_left_alone(workers):
         async def grab(self, newer_than_s):
             return CameraFrame(np.zeros((48, 64), np.uint8), 1.0)
 
-    frame = await ExposureControl(Plain(), TARGET, LIMITS, workers, CLOCK.monotonic_s).expose(Plain().grab, 0.0)
+    frame = await ExposureControl(Plain(), TARGET, LIMITS, workers, CLOCK).expose(Plain().grab, 0.0)
     assert frame.taken_at_s == 1.0
 
 
@@ -138,5 +139,5 @@ def test_the_next_exposure(level, now, wanted):
 def test_limits_that_the_camera_cannot_keep_are_kept_as_nearly_as_it_can(
     user: tuple[float, float], both: tuple[float, float]
 ) -> None:
-    found = ExposureLimits(user, (0.0, 6.0)).within(ExposureRange((50.0, 1000.0), (0.0, 20.0)))
+    found = within(ExposureSettings(exposure_us=user), ExposureRange((50.0, 1000.0), (0.0, 20.0)))
     assert (found.exposure_us, found.gain_db) == (both, (0.0, 6.0))
