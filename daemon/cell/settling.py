@@ -150,29 +150,21 @@ class VibrationGate:
     async def wait(self, limit_s: float, clock: Clock) -> Vibration:
         """Wait until the vibration is within the limits; returns it. Raises NotStill, DeviceTimeout."""
         ends_s = clock.monotonic_s() + limit_s
-        while not self._within(vibration := self.monitor.vibration(self.limits.window_s)):
-            if clock.monotonic_s() > ends_s:
-                raise _not_at_rest(vibration)
+        while True:
+            try:
+                return self.check()
+            except NotStill:
+                if clock.monotonic_s() > ends_s:
+                    raise
             await clock.sleep(POLL_S)
-        return vibration
 
     def check(self) -> Vibration:
         """The present vibration, if within the limits. Raises NotStill, DeviceTimeout."""
         vibration = self.monitor.vibration(self.limits.window_s)
-        if not self._within(vibration):
-            raise _not_at_rest(vibration)
-        return vibration
+        mm, deg = vibration.translation_mm, degrees(vibration.rotation_rad)
+        if mm <= self.limits.translation_mm and deg <= self.limits.rotation_deg:
+            return vibration
+        raise NotStill(Sentence("flange-vibrates", mm=mm, deg=deg), Sentence("look-what-shakes"))
 
     async def close(self) -> None:
         await asyncio.to_thread(self.monitor.close)
-
-    def _within(self, vibration: Vibration) -> bool:
-        return (
-            vibration.translation_mm <= self.limits.translation_mm
-            and degrees(vibration.rotation_rad) <= self.limits.rotation_deg
-        )
-
-
-def _not_at_rest(vibration: Vibration) -> NotStill:
-    what = Sentence("flange-vibrates", mm=vibration.translation_mm, deg=degrees(vibration.rotation_rad))
-    return NotStill(what, Sentence("look-what-shakes"))
