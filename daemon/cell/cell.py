@@ -8,7 +8,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
 from hashlib import blake2b
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -62,13 +62,10 @@ class StaleCaptureDetector:
     def check_frame(self, frame: CameraFrame, reading: PoseReading) -> None:
         """Raises StaleCaptureError for a repeated picture; not for one without contrast, which fails in detection."""
         if np.ptp(frame.image):
-            self._check(np.ascontiguousarray(frame.image).data, "picture", reading)
+            self.check(np.ascontiguousarray(frame.image).data, "picture", reading)
 
-    def check_cloud(self, cloud: ScannedCloud, reading: PoseReading) -> None:
-        """Raises StaleCaptureError for a repeated cloud."""
-        self._check(cloud.content, "cloud", reading)
-
-    def _check(self, content: "bytes | memoryview", kind: str, reading: PoseReading) -> None:
+    def check(self, content: "bytes | memoryview", kind: Literal["picture", "cloud"], reading: PoseReading) -> None:
+        """Raises StaleCaptureError for repeated content."""
         digest, before = blake2b(content, digest_size=16).digest(), self._base_T_flange
         same, self._digest = digest == self._digest, digest
         self._base_T_flange = reading.base_T_flange
@@ -377,7 +374,7 @@ class Cell:
             cloud = await device.scan(before.taken_at_s)
         self._at("after capture")
         check_still(before, await self.robot.read_pose(), self._settling)
-        staleness.check_cloud(cloud, before)
+        staleness.check(cloud.content, "cloud", before)
         return cloud
 
     async def record_path(self) -> PathRecorder:

@@ -7,7 +7,7 @@ import pytest
 
 from daemon.cell.cell import StaleCaptureDetector
 from daemon.errors import StaleCaptureError
-from drivers.interfaces import CameraFrame, ScannedCloud
+from drivers.interfaces import CameraFrame
 from tests.daemon.fakes import pose_reading
 
 HERE, NEAR, ELSEWHERE, TURNED = pose_reading(0), pose_reading(0.5), pose_reading(2), pose_reading(turn_deg=1)
@@ -44,7 +44,7 @@ def test_darkness_looks_alike_from_everywhere() -> None:
 
 def test_the_same_cloud_from_another_pose_is_reported() -> None:
     novelty = StaleCaptureDetector("scanner")
-    cloud = ScannedCloud(b"ply", "application/x-ply", 0.0)
-    novelty.check_cloud(cloud, HERE)
+    cloud = b"ply"
+    novelty.check(cloud, "cloud", HERE)
     with pytest.raises(StaleCaptureError, match="captures anew for each request"):
-        novelty.check_cloud(cloud, ELSEWHERE)
+        novelty.check(cloud, "cloud", ELSEWHERE)
