@@ -107,9 +107,10 @@ class RegistrationRequest:
 
 
 @dataclass
-class _Where:
-    """Where a job is: its state and the views read, and the share of all that is done."""
+class _Job:
+    """A job in progress: its state and the views read, and the share of all that is done."""
 
+    task: asyncio.Task[RegistrationReportDocument]
     stage: tuple[str, int] = ("reading", 0)
     progress: float = 0.0
 
@@ -128,10 +129,7 @@ class RegistrationJobs:
     workers: Workers
     clock: Clock
     events: EventBus
-    _jobs: dict[tuple[str, int, str, bool], asyncio.Task[RegistrationReportDocument]] = field(
-        default_factory=dict, init=False
-    )
-    _where: dict[tuple[str, int, str, bool], _Where] = field(default_factory=dict, init=False)
+    _jobs: dict[tuple[str, int, str, bool], _Job] = field(default_factory=dict, init=False)
 
     def start(
         self, wanted: RegistrationRequest, *, only_if_free: bool = True
@@ -142,14 +140,13 @@ class RegistrationJobs:
         """
         job = self._jobs.get(wanted.key)
         if job is None:
-            self._where[wanted.key] = _Where()
-            job = self._jobs[wanted.key] = asyncio.create_task(self._run_job(wanted, only_if_free))
-            job.add_done_callback(lambda done: self._finish_job(wanted, done))
-        return job
+            job = self._jobs[wanted.key] = _Job(asyncio.create_task(self._run_job(wanted, only_if_free)))
+            job.task.add_done_callback(lambda done: self._finish_job(wanted, done))
+        return job.task
 
-    def progress_of(self, job: "asyncio.Task[RegistrationReportDocument]") -> float:
+    def progress_of(self, task: "asyncio.Task[RegistrationReportDocument]") -> float:
         """The share of a job that is done, 0 to 1."""
-        return next((self._where[key].progress for key, one in self._jobs.items() if one is job), 1.0)
+        return next((job.progress for job in self._jobs.values() if job.task is task), 1.0)
 
     async def find_report(self, wanted: RegistrationRequest) -> RegistrationReportDocument | None:
         """The stored report if it matches this request, else None."""
@@ -165,7 +162,7 @@ class RegistrationJobs:
 
     def stop(self) -> None:
         for job in self._jobs.values():
-            job.cancel()
+            job.task.cancel()
 
     async def _run_job(self, wanted: RegistrationRequest, only_if_free: bool) -> RegistrationReportDocument:
         earlier = await self.find_report(wanted)
@@ -187,7 +184,6 @@ class RegistrationJobs:
 
     def _finish_job(self, wanted: RegistrationRequest, job: "asyncio.Task[RegistrationReportDocument]") -> None:
         del self._jobs[wanted.key]
-        del self._where[wanted.key]
         if job.cancelled():
             return
         error = job.exception()
@@ -201,11 +197,11 @@ class RegistrationJobs:
 
     def _publish_stage(self, wanted: RegistrationRequest, stage: tuple[str, int] | None, progress: float) -> None:
         """Publish a new stage, its state and the views read, or how far the present one is."""
-        where = self._where.get(wanted.key)
-        if where is None:  # the daemon stops, and its thread is not done yet
+        job = self._jobs.get(wanted.key)
+        if job is None:  # the daemon stops, and its thread is not done yet
             return
-        where.stage, where.progress = stage or where.stage, progress
-        state, views_read = where.stage
+        job.stage, job.progress = stage or job.stage, progress
+        state, views_read = job.stage
         self._publish(wanted, state, {"views_read": views_read, "progress": round(progress, 3)})
 
     def _publish(self, wanted: RegistrationRequest, state: str, more: dict[str, Any]) -> None:
