@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from daemon.access.audit_chain import AuditAnchor, AuditRow, find_flaws
+from daemon.errors import StorageInconsistent
 from daemon.store.anchor_file import ANCHOR_NAME, read_anchor
 from daemon.store.database import DATABASE_NAME, storage_errors
 
@@ -134,10 +135,14 @@ def count_missing_files(database: Path) -> int:
 
 
 @dataclass
-class OpenFiles:
-    """The folder and the files of an open store: by device and inode, so that a moved or replaced one is noticed."""
+class WriteGuard:
+    """Refuses writing to a store with a fault, or one whose folder or files are no longer what was opened.
+
+    They are known by device and inode, so that a moved or replaced one is noticed.
+    """
 
     folder: Path
+    fault: StoreFault | None = None
     _known: dict[Path, tuple[int, int]] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -147,7 +152,9 @@ class OpenFiles:
                 self._known[path] = identity
 
     def find_fault(self) -> StoreFault | None:
-        """The first path at which there is no longer what was opened."""
+        """The fault that was found, or the first path at which there is no longer what was opened."""
+        if self.fault is not None:
+            return self.fault
         for path, identity in self._known.items():
             if (now := _identity(path)) != identity:
                 happened = "moved or removed" if now is None else "replaced"
@@ -156,6 +163,11 @@ class OpenFiles:
                     "put back what was there; or stop the daemon, see to the store, and start it again",
                 )
         return None
+
+    def __call__(self) -> None:
+        """Raises StorageInconsistent."""
+        if (fault := self.find_fault()) is not None:
+            raise StorageInconsistent(fault.what, fault.fix)
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from daemon.errors import StorageError, StorageInconsistent, StorageInUse
 from daemon.runtime.durable_files import make_folder
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
-from daemon.store.consistency import OpenFiles, StoreFault, find_fault
+from daemon.store.consistency import WriteGuard, find_fault
 from daemon.store.database import DATABASE_NAME, Database, storage_errors
 from registration.io.durable_file import fsync_path
 
@@ -96,22 +96,6 @@ def roll_back(path: Path) -> None:
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
 
 
-class WriteGuard:
-    """Refuses writing to a store with a fault, or one whose files are no longer where they were opened."""
-
-    def __init__(self, files: OpenFiles, fault: StoreFault | None = None) -> None:
-        self.fault, self._files = fault, files
-
-    def find_fault(self) -> StoreFault | None:
-        """The fault that was found, or what is wrong with the files now."""
-        return self.fault or self._files.find_fault()
-
-    def __call__(self) -> None:
-        """Raises StorageInconsistent."""
-        if (fault := self.find_fault()) is not None:
-            raise StorageInconsistent(fault.what, fault.fix)
-
-
 class LockedStore:
     """The lock, the database and its guard. With a fault the database is opened for reading only.
 
@@ -132,7 +116,7 @@ class LockedStore:
             self.key_reader, self.list_reader = (
                 opened.enter_context(closing(Database(path, read_only=True))) for _ in range(2)
             )
-            self.database.guard = self.guard = WriteGuard(OpenFiles(folder), fault)
+            self.database.guard = self.guard = WriteGuard(folder, fault)
             self._opened = opened.pop_all()
 
     def close(self) -> None:
@@ -151,7 +135,7 @@ def open_offline(folder: Path) -> Iterator[Database]:
         opened = LockedStore(folder)
     except StorageInUse:
         with closing(Database(folder / DATABASE_NAME, migrate=False)) as database:
-            database.guard = WriteGuard(OpenFiles(folder))
+            database.guard = WriteGuard(folder)
             yield database
         return
     with closing(opened):
