@@ -376,7 +376,7 @@ class MakeCamera(Protocol):
 class MakeScanner(Protocol):
     """Constructor of a scanner driver; `source` as for a robot, `limit_s` as for a camera.
 
-    A cloud of more than `max_bytes` is refused with AnswerTooLarge.
+    A cloud of more bytes than the driver takes, 1 GiB, is refused with AnswerTooLarge.
     """
 
-    def __call__(self, source: Any, timing: Timing, /, *, limit_s: float, max_bytes: int) -> Scanner: ...
+    def __call__(self, source: Any, timing: Timing, /, *, limit_s: float) -> Scanner: ...

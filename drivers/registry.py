@@ -102,12 +102,10 @@ def open_camera(
     return camera
 
 
-def open_scanner(
-    address: str, timing: Timing | None = None, *, limit_s: float = 60.0, max_bytes: int = 2**30
-) -> Scanner:
+def open_scanner(address: str, timing: Timing | None = None, *, limit_s: float = 60.0) -> Scanner:
     """The scanner at an address, connecting in the background. Raises AddressNotUnderstood; needs a running loop."""
     parse, make = _look_up(SCANNERS, "scanner", address)
-    scanner = make(parse(address), timing or Timing(), limit_s=limit_s, max_bytes=max_bytes)
+    scanner = make(parse(address), timing or Timing(), limit_s=limit_s)
     scanner.start()
     return scanner
 
@@ -220,10 +218,10 @@ def _folder(address: str) -> Path:
     return Path(path)
 
 
-def _profiler(source: ProfilerHost | Path, timing: Timing, /, *, limit_s: float, max_bytes: int) -> Scanner:
+def _profiler(source: ProfilerHost | Path, timing: Timing, /, *, limit_s: float) -> Scanner:
     if isinstance(source, Path):
-        return FolderProfiler(source, timing, limit_s=limit_s, max_bytes=max_bytes)
-    return GocatorProfiler(source, timing, limit_s=limit_s, max_bytes=max_bytes)
+        return FolderProfiler(source, timing, limit_s=limit_s)
+    return GocatorProfiler(source, timing, limit_s=limit_s)
 
 
 ROBOTS: dict[str, tuple[Parse, MakeRobot]] = {

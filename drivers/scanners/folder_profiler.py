@@ -30,11 +30,10 @@ class FolderProfiler(LineProfiler):
         timing: Timing | None = None,
         *,
         limit_s: float = LIMIT_S,
-        max_bytes: int = MAX_BYTES,
         wall_clock: Callable[[], float] = time.time,
     ) -> None:
         super().__init__(f"scanner profiles:{folder}", timing or Timing(), limit_s)
-        self._folder, self._max_bytes, self._wall_clock = folder, max_bytes, wall_clock
+        self._folder, self._wall_clock = folder, wall_clock
         self._files = FileThread(f"reads {self.device}", self._timing)
 
     async def _look(self) -> None:
@@ -61,7 +60,7 @@ class FolderProfiler(LineProfiler):
     async def _read(self, file: Sighting) -> ProfileBlock | DeviceError:
         """The profiles of a file that has stopped growing, or what is wrong with it."""
         device = f"{self.device}/{file.path.name}"
-        if file.size > self._max_bytes:
+        if file.size > MAX_BYTES:
             return AnswerTooLarge(device, f"the file has {file.size} bytes", "write files of a second each")
         try:
             block = await self._files.run(lambda: read_profiles(file.path), self._limit_s)

@@ -63,9 +63,7 @@ class GocatorProfiler(LineProfiler):
 
     lag_s, fix = 0.5, FIX
 
-    def __init__(
-        self, address: ProfilerHost, timing: Timing | None = None, *, limit_s: float = LIMIT_S, max_bytes: int = 0
-    ) -> None:
+    def __init__(self, address: ProfilerHost, timing: Timing | None = None, *, limit_s: float = LIMIT_S) -> None:
         super().__init__(f"scanner profiles://{address.host}:{address.port}", timing or Timing(), limit_s)
         self._address = address
         self._clock = ClockMapping()

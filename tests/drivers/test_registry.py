@@ -94,7 +94,7 @@ async def test_a_camera_address_opens_its_driver(address, kind):
 @pytest.mark.parametrize(("address", "kind"), [("http://127.0.0.1:9/x", HttpScanner), ("folder:/none", FolderScanner)])
 async def test_a_scanner_address_opens_its_driver(address, kind):
     check_scanner_address(address)
-    scanner = registry.open_scanner(address, max_bytes=10)
+    scanner = registry.open_scanner(address)
     assert isinstance(scanner, kind)
     await scanner.close()
 
