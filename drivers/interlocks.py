@@ -163,7 +163,7 @@ class Interlocks:
         """Opens nothing. Raises AddressNotUnderstood."""
         self.address, self._signals, self._limit_s = address, signals, limit_s
         self._timing = timing or Timing()
-        numbered = _parts(address)[0] == "tcp"
+        numbered = parse_interlock_address(address)[0] == "tcp"
         self._reader = BitReader([signal.bit for signal in signals], numbered)
         framing: ClientFraming = TcpFraming(unit) if numbered else RtuFraming(unit)
         self._line = ModbusLine(transport_at(address), framing, self._reader, limit_s, self._timing)
@@ -220,21 +220,16 @@ class Interlocks:
         return InterlockReading(signal.name, False, f"cannot be read ({self.address}: {why})")
 
 
-def check_interlock_address(address: str) -> None:
-    """Raises AddressNotUnderstood; opens nothing."""
-    _parts(address)
-
-
 def transport_at(address: str) -> Transport:
     """Transport to a device. Raises AddressNotUnderstood."""
-    scheme, host, port, options = _parts(address)
+    scheme, host, port, options = parse_interlock_address(address)
     if scheme == "tcp":
         return TcpTransport(host, port)
     return SerialTransport(host, int(options.get("baud", "19200")), parity=options.get("parity", "E"))
 
 
-def _parts(address: str) -> tuple[str, str, int, dict[str, str]]:
-    """Scheme, host or device, port, options."""
+def parse_interlock_address(address: str) -> tuple[str, str, int, dict[str, str]]:
+    """Scheme, host or device, port, options. Raises AddressNotUnderstood; opens nothing."""
     try:
         parts = urlsplit(address)
         host, port, options = parts.hostname or "", parts.port or DEFAULT_PORT, dict(parse_qsl(parts.query))

@@ -29,9 +29,9 @@ def _validate_address(text: str) -> str:
 
 
 def _validate_interlock_address(text: str) -> str:
-    from drivers.interlocks import check_interlock_address
+    from drivers.interlocks import parse_interlock_address
 
-    check_interlock_address(text)
+    parse_interlock_address(text)
     return text
 
 

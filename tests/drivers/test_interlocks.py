@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import AddressNotUnderstood, InterlockRefused
 from drivers.interlocked_robot import InterlockedRobot
-from drivers.interlocks import Interlocks, InterlockSignal, check_interlock_address
+from drivers.interlocks import Interlocks, InterlockSignal, parse_interlock_address
 from tests.daemon.fakes import FakeRobot
 from tests.drivers.modbus_terminal import Terminal, terminal
 from tests.support.serial_pair import cable
@@ -109,7 +109,7 @@ async def test_a_serial_adapter_that_cannot_do_the_parity_does_not_allow_motion(
 
 @pytest.mark.parametrize("address", ["tcp://plc:502", "tcp://10.0.0.1", "serial:///dev/ttyUSB0?baud=9600&parity=N"])
 def test_addresses(address: str) -> None:
-    check_interlock_address(address)
+    parse_interlock_address(address)
 
 
 @pytest.mark.parametrize(
@@ -118,4 +118,4 @@ def test_addresses(address: str) -> None:
 )  # fmt: skip
 def test_addresses_that_are_none(address: str) -> None:
     with pytest.raises(AddressNotUnderstood, match="write tcp://host:502"):
-        check_interlock_address(address)
+        parse_interlock_address(address)
