@@ -1,18 +1,9 @@
-"""Errors of Modbus.
-
-ModbusError
-├── ModbusException   a complete request is answered with an exception code
-└── HeaderBroken      the stream can no longer be split into frames: close the connection
-"""
+"""Errors of Modbus."""
 
 from protocols.modbus.codes import ExceptionCode
 
 
-class ModbusError(Exception):
-    """Root of the Modbus errors."""
-
-
-class ModbusException(ModbusError):
+class ModbusException(Exception):
     """A complete request is answered with exception code `code`."""
 
     def __init__(self, code: ExceptionCode, what: str) -> None:
@@ -20,5 +11,5 @@ class ModbusException(ModbusError):
         super().__init__(f"{code.name}: {what}")
 
 
-class HeaderBroken(ModbusError):
-    """The bytes are no MBAP header, and frame boundaries are lost."""
+class HeaderBroken(Exception):
+    """The bytes are no MBAP header, and frame boundaries are lost: close the connection."""
