@@ -20,7 +20,8 @@ from calibration.transforms import (
 )
 from mock_robot.cabinet.panel import robot_sample
 from mock_robot.rapid.unit import MotionUnit
-from protocols.egm.messages import Correction, NotEgm, RobotSample, decode_correction, encode
+from protocols.egm.messages import Correction, RobotSample, decode_correction, encode
+from protocols.egm.protobuf import NotEgm
 
 PERIOD_S = 0.004
 MAX_SPEED_DEG_S, MAX_DEVIATION_DEG = 1.0, 1000.0

@@ -12,7 +12,7 @@ EgmSensor: 1 header {1 seqno, 2 tm, 3 mtype}, 2 planned {1 joints, 2 cartesian {
 from dataclasses import dataclass
 from enum import IntEnum
 
-from protocols.egm.protobuf import Message, NotProtobuf, double_field, integer_field, message_field
+from protocols.egm.protobuf import Message, NotEgm, double_field, integer_field, message_field
 
 
 class MessageType(IntEnum):
@@ -21,14 +21,6 @@ class MessageType(IntEnum):
     DATA = 2
     CORRECTION = 3
     PATH_CORRECTION = 4
-
-
-class NotEgm(ValueError):
-    """The bytes are not an EgmRobot message with a pose; `why`: what packets of this kind are."""
-
-    def __init__(self, what: str, why: str = "that are no EGM data of a robot") -> None:
-        super().__init__(what)
-        self.why = why
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,16 +40,10 @@ class RobotSample:
 
 def decode(data: bytes) -> RobotSample:
     """Decode a packet. Raises NotEgm."""
-    try:
-        return _decode(Message(data))
-    except NotProtobuf as error:
-        raise NotEgm(str(error)) from error
-
-
-def _decode(packet: Message) -> RobotSample:
+    packet = Message(data)
     header, feedback = packet.message(1), packet.message(2)
     if header.integer(3) != MessageType.DATA:
-        raise NotProtobuf(f"a header of type {header.integer(3)}, not of a robot's data")
+        raise NotEgm(f"a header of type {header.integer(3)}, not of a robot's data")
     if 2 not in feedback:
         raise NotEgm("joints only", "without a Cartesian pose")
     position, rotation = feedback.message(2).message(1), feedback.message(2).message(2)
@@ -116,15 +102,12 @@ class Correction:
 
 def decode_correction(data: bytes) -> Correction:
     """Decode a packet. Raises NotEgm."""
-    try:
-        packet = Message(data)
-        header, planned = packet.message(1), packet.optional(2)
-        first = planned.optional(1).doubles()
-        if header.integer(3) == MessageType.PATH_CORRECTION:
-            return Correction(header.integer(1), across_path_mm=first)
-        if header.integer(3) != MessageType.CORRECTION:
-            raise NotProtobuf(f"a header of type {header.integer(3)}, not of a correction")
-        pose = planned.optional(2)
-        return Correction(header.integer(1), first, pose.optional(1).doubles(), pose.optional(2).doubles())
-    except NotProtobuf as error:
-        raise NotEgm(str(error)) from error
+    packet = Message(data)
+    header, planned = packet.message(1), packet.optional(2)
+    first = planned.optional(1).doubles()
+    if header.integer(3) == MessageType.PATH_CORRECTION:
+        return Correction(header.integer(1), across_path_mm=first)
+    if header.integer(3) != MessageType.CORRECTION:
+        raise NotEgm(f"a header of type {header.integer(3)}, not of a correction")
+    pose = planned.optional(2)
+    return Correction(header.integer(1), first, pose.optional(1).doubles(), pose.optional(2).doubles())

@@ -11,12 +11,16 @@ MAX_VARINT_BYTES = 10
 Value = int | float | bytes
 
 
-class NotProtobuf(ValueError):
-    """The bytes are truncated or not a message."""
+class NotEgm(ValueError):
+    """The bytes are truncated, or not the message that is expected; `why`: what packets of this kind are."""
+
+    def __init__(self, what: str, why: str = "that are no EGM data of a robot") -> None:
+        super().__init__(what)
+        self.why = why
 
 
 def fields(data: bytes) -> Iterator[tuple[int, Value]]:
-    """Number and value of each field in order. Raises NotProtobuf."""
+    """Number and value of each field in order. Raises NotEgm."""
     at, end = 0, len(data)
     while at < end:
         key, at = _decode_varint(data, at)
@@ -27,7 +31,7 @@ def fields(data: bytes) -> Iterator[tuple[int, Value]]:
         elif kind == BYTES:
             length, at = _decode_varint(data, at)
             if at + length > end:
-                raise NotProtobuf(f"field {number} is cut off")
+                raise NotEgm(f"field {number} is cut off")
             yield number, data[at : at + length]
             at += length
         elif kind == VARINT:
@@ -37,7 +41,7 @@ def fields(data: bytes) -> Iterator[tuple[int, Value]]:
             yield number, struct.unpack_from("<f", data, at)[0]
             at += 4
         else:
-            raise NotProtobuf(f"field {number} is cut off, or of kind {kind}")
+            raise NotEgm(f"field {number} is cut off, or of kind {kind}")
 
 
 def _decode_varint(data: bytes, at: int) -> tuple[int, int]:
@@ -49,11 +53,11 @@ def _decode_varint(data: bytes, at: int) -> tuple[int, int]:
         value |= (byte & 0x7F) << (7 * count)
         if byte < 0x80:
             return value, at + count + 1
-    raise NotProtobuf("a number is cut off, or longer than 64 bits")
+    raise NotEgm("a number is cut off, or longer than 64 bits")
 
 
 class Message:
-    """A message's fields by number; of one that is repeated the last, but for `doubles`. All raise NotProtobuf."""
+    """A message's fields by number; of one that is repeated the last, but for `doubles`. All raise NotEgm."""
 
     def __init__(self, data: bytes) -> None:
         self._fields = tuple(fields(data))
@@ -66,7 +70,7 @@ class Message:
         """The message in a field, which must be there."""
         value = self._last.get(number)
         if not isinstance(value, bytes):
-            raise NotProtobuf(f"field {number} holds no message")
+            raise NotEgm(f"field {number} holds no message")
         return Message(value)
 
     def optional(self, number: int) -> "Message":
@@ -77,14 +81,14 @@ class Message:
         """The whole number in a field; 0 where there is none."""
         value = self._last.get(number, 0)
         if not isinstance(value, int):
-            raise NotProtobuf(f"no whole number in field {number}")
+            raise NotEgm(f"no whole number in field {number}")
         return value
 
     def double(self, number: int) -> float:
         """The double in a field, which must be there."""
         value = self._last.get(number)
         if not isinstance(value, float):
-            raise NotProtobuf(f"no number in field {number}")
+            raise NotEgm(f"no number in field {number}")
         return value
 
     def doubles(self, only: int | None = None) -> tuple[float, ...]:
@@ -98,7 +102,7 @@ class Message:
 
 def _unpack(packed: bytes) -> Sequence[float]:
     if len(packed) % 8:
-        raise NotProtobuf(f"{len(packed)} bytes are no list of doubles")
+        raise NotEgm(f"{len(packed)} bytes are no list of doubles")
     return struct.unpack(f"<{len(packed) // 8}d", packed)
 
 

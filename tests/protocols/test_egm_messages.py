@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.egm.messages import NotEgm, RobotSample, decode, encode
-from protocols.egm.protobuf import double_field, integer_field, message_field
+from protocols.egm.messages import RobotSample, decode, encode
+from protocols.egm.protobuf import NotEgm, double_field, integer_field, message_field
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 samples = st.builds(

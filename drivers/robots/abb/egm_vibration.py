@@ -23,7 +23,8 @@ from drivers.interfaces import LinkHealth, Vibration
 from drivers.link_status import LinkReport
 from drivers.timing import Timing, shorten_switch_interval
 from drivers.transports.late_address import allow_late_address
-from protocols.egm.messages import NotEgm, RobotSample, decode
+from protocols.egm.messages import RobotSample, decode
+from protocols.egm.protobuf import NotEgm
 
 MAX_SAMPLES = 2500
 """Ten seconds of samples."""
