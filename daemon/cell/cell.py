@@ -227,9 +227,9 @@ class Cell:
         self._devices, self._vibration_gate = devices, devices.vibration_gate
         self._outputs, self._world_T_base = devices.outputs, world_T_base
         self._settling, self._clock, self._at, self.exposure = settling, clock, at, exposure
-        self._occupancy = Occupancy()
+        self.occupancy = Occupancy()
         self.buttons: dict[str, HeldButton] = {}  # that a motion in progress lasts for, by their names
-        self.safe_stop = SafeStop(self.robot, clock, lambda: self._occupancy.leased, publish)
+        self.safe_stop = SafeStop(self.robot, clock, lambda: self.occupancy.leased, publish)
         self._look_through(MAIN_CAMERA, devices.camera)
         main = {} if devices.scanner is None else {MAIN_SCANNER: devices.scanner}
         self._scanners = {
@@ -250,27 +250,18 @@ class Cell:
 
     @property
     def holder(self) -> str | None:
-        return self._occupancy.holder
-
-    @property
-    def obstacles_seen(self) -> int:
-        """How often an obstacle to motion was found, whoever asked."""
-        return self._occupancy.obstacles_seen
-
-    @property
-    def last_obstacle(self) -> str:
-        return self._occupancy.last_obstacle
+        return self.occupancy.holder
 
     @asynccontextmanager
     async def hold(self, holder: str) -> AsyncIterator["Cell"]:
         """Hold the cell without moving the arm until the block ends. Never waits. Raises CellBusy."""
         if self.holder is not None:
             raise CellBusy(self.holder)
-        self._occupancy.holder, self._occupancy.external_axes = holder, None
+        self.occupancy.holder, self.occupancy.external_axes = holder, None
         try:
             yield self
         finally:
-            self._occupancy.holder = None
+            self.occupancy.holder = None
 
     @asynccontextmanager
     async def motion_lease(self, holder: str) -> AsyncIterator[Robot]:
@@ -291,17 +282,17 @@ class Cell:
         reasons = (*self._stop_obstacle(), *motion_obstacles(await self.robot.read_status()))
         if reasons:
             raise CellNotReady(reasons)
-        self._occupancy.leased = True
+        self.occupancy.leased = True
         try:
             await self.robot.set_armed(True)
             yield self.robot
         finally:
-            self._occupancy.leased = False
+            self.occupancy.leased = False
             await self.safe_stop.stop_and_disarm()
 
     def stop_motion(self) -> None:
         """Begin to stop and disarm the arm at once when somebody has a motion lease; its holder waits for the end."""
-        if self._occupancy.leased:
+        if self.occupancy.leased:
             self.safe_stop.begin()
 
     async def move_to(self, goal: MoveGoal) -> None:
@@ -342,8 +333,8 @@ class Cell:
         Raises NotStill, CellNotReady.
         """
         if self.holder is not None:
-            self._occupancy.external_axes = self._occupancy.external_axes or reading.external_axes
-            check_external_axes(self._occupancy.external_axes, reading.external_axes, self.arm.declared)
+            self.occupancy.external_axes = self.occupancy.external_axes or reading.external_axes
+            check_external_axes(self.occupancy.external_axes, reading.external_axes, self.arm.declared)
         return reading
 
     async def capture_frame(self, before: PoseReading) -> CameraFrame:
@@ -396,7 +387,7 @@ class Cell:
     async def robot_obstacles(self) -> tuple[str, ...]:
         """Reasons why the robot could not be moved now: a stop that is not confirmed, controller and interlocks.
 
-        Whoever asks, each answer with a reason is counted in `obstacles_seen`; `last_obstacle` is its first.
+        Whoever asks, each answer with a reason is counted in `occupancy.obstacles_seen`, with its first.
         """
         reasons = (
             *self._stop_obstacle(),
@@ -404,8 +395,8 @@ class Cell:
             *(await self._interlock_obstacles()).values(),
         )
         if reasons:
-            self._occupancy.obstacles_seen += 1
-            self._occupancy.last_obstacle = reasons[0]
+            self.occupancy.obstacles_seen += 1
+            self.occupancy.last_obstacle = reasons[0]
         return reasons
 
     async def require_interlocks(self) -> None:

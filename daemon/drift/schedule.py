@@ -79,7 +79,7 @@ class DriftSchedule(InBackground):
         if self._seen is None or self._seen_after != latest.id:
             self._seen_after, self._seen = latest.id, self._see()
         cell, changed = self.operations.cell, zip(self._seen, self._see(), strict=True)
-        causes = ("a PLC set abort", cell.last_obstacle, "the link to the robot was interrupted")
+        causes = ("a PLC set abort", cell.occupancy.last_obstacle, "the link to the robot was interrupted")
         missed = [why for why, (before, now) in zip(causes, changed, strict=True) if before != now]
         obstacles = missed or await cell.robot_obstacles()
         if obstacles:
@@ -88,7 +88,7 @@ class DriftSchedule(InBackground):
     def _see(self) -> Seen:
         cell, supervisor = self.operations.cell, self.operations.supervisor
         link = cell.robot.link.connected, cell.robot.link.since_s
-        return supervisor.abort_holds, cell.obstacles_seen, link
+        return supervisor.abort_holds, cell.occupancy.obstacles_seen, link
 
     async def _verify(self) -> bool:
         """Start a verification or skip it. Returns True when another run is in progress."""

@@ -200,12 +200,12 @@ async def test_an_obstacle_that_anybody_sees_is_counted(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
         cell = bench.application.cell
         assert await cell.robot_obstacles() == ()
-        assert cell.obstacles_seen == 0
+        assert cell.occupancy.obstacles_seen == 0
         bench.robot.status = {"automatic": False}
         await bench.client.get("/calibrate")
         bench.robot.status = {}
-        assert cell.obstacles_seen == 1
-        assert cell.last_obstacle == "robot: not in automatic mode"
+        assert cell.occupancy.obstacles_seen == 1
+        assert cell.occupancy.last_obstacle == "robot: not in automatic mode"
 
 
 @pytest.mark.parametrize(
