@@ -63,20 +63,17 @@ async def audit(app: App, limit: Limit = 50, before: Sequence = None) -> Respons
 
 
 @router.get("/audit/verified", response_model=AuditVerifiedDocument, responses=problem_responses(429, 500))
-async def audit_verified(app: App) -> Response:
+async def audit_verified(app: App) -> AuditVerifiedDocument:
     """Whether the audit log is whole, by a look at each of its rows, as `handeyed audit verify` takes."""
     rows = await app.store.audit.rows(1, None)
     checked_at = app.clock.timestamp()
     count, flaws = await app.service_workers.run_if_free(check_audit_log, app.store.folder / DATABASE_NAME, [])
-    return Response(
-        AuditVerifiedDocument(
-            whole=not flaws,
-            rows=count,
-            last=AuditAnchorDocument(sequence=rows[0].sequence, hash=rows[0].hash) if rows else None,
-            flaws=flaws[:20],
-            checked_at=checked_at,
-        ).model_dump_json(),
-        media_type="application/json",
+    return AuditVerifiedDocument(
+        whole=not flaws,
+        rows=count,
+        last=AuditAnchorDocument(sequence=rows[0].sequence, hash=rows[0].hash) if rows else None,
+        flaws=flaws[:20],
+        checked_at=checked_at,
     )
 
 

@@ -113,11 +113,9 @@ async def report_calibration(app: App, calibration_id: Identifier, reader: WithR
     As PDF (extra `report`) it is PDF/A-3 with calibration.json attached.
     """
     if calibration_id == "current":
-        document = await app.operations.calibrations.find("current")
-        record = await app.store.calibration(document.id)
-    else:
-        record = await app.store.calibration(calibration_id)
-        document = record.document
+        calibration_id = (await app.operations.calibrations.find("current")).id
+    record = await app.store.calibration(calibration_id)
+    document = record.document
     content = document.model_dump_json().encode()
     context = reader.context(
         run_id=record.run_id, issued_at=app.clock.timestamp(), document_sha256=sha256(content).hexdigest()
