@@ -17,7 +17,7 @@ from calibration.kinematics.stance import Stance
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array
 from registration.errors import ScanError
-from registration.fusion.concatenation import OnProgress, ignore_progress, report_part, size_of
+from registration.fusion.concatenation import OnProgress, report_part, size_of
 from registration.fusion.overlap import Agreement, agreement
 from registration.fusion.pose_adjustment import MAX_ITERATIONS, Refinement, refine_poses
 from registration.io.reading import open_cloud
@@ -117,7 +117,7 @@ class ViewSample:
 
 
 def sample_views(
-    views: Sequence[ScanView], on_progress: OnProgress = ignore_progress, *, limit: int = POINT_LIMIT
+    views: Sequence[ScanView], on_progress: OnProgress = lambda share: None, *, limit: int = POINT_LIMIT
 ) -> list[ViewSample]:
     """Read a sample of every view, of at most `limit` points. Raises CloudError's leaves, UnitUnknown, ScanError.
 
@@ -161,7 +161,7 @@ def register_views(
     hand: ScannerMount,
     *,
     refine: bool = False,
-    on_progress: OnProgress = ignore_progress,
+    on_progress: OnProgress = lambda share: None,
 ) -> Registration:
     """Poses of the views by the basic formula, or refined. Raises MotionError, ScanError.
 

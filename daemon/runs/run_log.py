@@ -20,10 +20,6 @@ log = logging.getLogger(__name__)
 SaveRun = Callable[[RunRecord], Awaitable[None]]
 
 
-def ignore_step() -> None:
-    """Progress callback that does nothing (the default)."""
-
-
 class RunLog:
     """The only place where a run's record changes."""
 
@@ -34,7 +30,7 @@ class RunLog:
         self.missed: dict[str, list[str]] = {}
         """Why a sensor beside the camera failed to look, each time, by its name."""
         self.since_s = clock.monotonic_s()
-        self.at_each_step: Callable[[], None] = ignore_step
+        self.at_each_step: Callable[[], None] = lambda: None
         self._save, self._events, self._clock = save, events, clock
         self._began_s = clock.monotonic_s()
 

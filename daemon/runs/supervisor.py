@@ -29,7 +29,7 @@ from daemon.model.records import CauseDocument, RunKind, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runs.calibrations import result_of, why_not_applied
 from daemon.runs.operator_requests import OperatorRequestQueue
-from daemon.runs.run_log import RunLog, RunResult, ignore_step, run_event
+from daemon.runs.run_log import RunLog, RunResult, run_event
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import about_run
@@ -393,4 +393,4 @@ async def _drive_with_limit(run_log: RunLog, drive: Drive) -> RunResult:
         what = Sentence("run-got-no-further", limit_s=MAX_STEP_S, state=str(run_log.run.state))
         raise RunStalled(what, Sentence("see-devices-answer")) from None
     finally:
-        run_log.at_each_step = ignore_step
+        run_log.at_each_step = lambda: None

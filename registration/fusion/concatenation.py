@@ -48,10 +48,6 @@ AVERAGING = 0.9
 """Share of a merge by voxels that is done when every point is read; the rest is outliers, normals and writing."""
 
 
-def ignore_progress(_so_far: float) -> None:
-    """Does nothing."""
-
-
 def report_part(on_progress: OnProgress, before: float, share: float, done: float) -> None:
     """Call `on_progress` with the share of all that is done, where a part of it, `share`, is done by `done`."""
     on_progress(before + share * done)
@@ -63,7 +59,7 @@ def merge_clouds(
     calibration_id: str | None = None,
     merge: Merge = EVERY_POINT,
     stopped: Callable[[], bool] = lambda: False,
-    on_progress: OnProgress = ignore_progress,
+    on_progress: OnProgress = lambda so_far: None,
 ) -> MergedCloud:
     """Every finite point, or their averages, into `target`, by its suffix; whole under its name, or not there.
 
@@ -96,7 +92,7 @@ class FiniteBlocks:
         layout: Layout,
         stopped: Callable[[], bool],
         box_mm: Box | None = None,
-        on_read: OnProgress = ignore_progress,
+        on_read: OnProgress = lambda so_far: None,
     ) -> None:
         self._layout, self._stopped, self._box_mm, self._on_read = layout, stopped, box_mm, on_read
         self._bytes_before = 0

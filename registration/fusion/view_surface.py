@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import scipy
 
-from registration.fusion.concatenation import FiniteBlocks, OnProgress, PlacedCloud, bytes_of, ignore_progress
+from registration.fusion.concatenation import FiniteBlocks, OnProgress, PlacedCloud, bytes_of
 from registration.fusion.merging import NORMALS, Box, Merge, Merger
 from registration.points.layout import XYZ_FLOAT32, Array, Records
 from registration.points.surface import NEIGHBOURS, planes_of
@@ -29,7 +29,7 @@ def view_surface(
     voxel_mm: float,
     box_mm: Box | None = None,
     stopped: Callable[[], bool] = lambda: False,
-    on_progress: OnProgress = ignore_progress,
+    on_progress: OnProgress = lambda share: None,
 ) -> Records:
     """The points of `clouds[view]` as SURFACE records (n,). Memory grows with the occupied voxels, not with the points.
 
