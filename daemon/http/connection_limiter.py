@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from daemon.http.receive_buffer import SharedBuffer
+from daemon.http.receive_buffer import BUFFER_BYTES
 from daemon.http.request_pacing import RequestPacing
 
 SPARE_DESCRIPTORS = 256
@@ -109,7 +109,7 @@ class ConnectionLimiter:
     limits: HttpLimits = field(
         default_factory=lambda: HttpLimits(connections=reserve_descriptors(HttpLimits.connections))
     )
-    buffer: SharedBuffer = field(default_factory=SharedBuffer)
+    buffer: memoryview = field(default_factory=lambda: memoryview(bytearray(BUFFER_BYTES)))
     pacing: RequestPacing = field(default_factory=RequestPacing)
     threads: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(MAX_TAKEN, "exchange"))
     taken: int = field(default=0, init=False)

@@ -10,13 +10,6 @@ BUFFER_BYTES = 1 << 20
 """1 MiB: larger chunks exceed the processor's caches, smaller ones cost more calls."""
 
 
-class SharedBuffer:
-    """The buffer. One connection uses it at a time, between `get_buffer` and the end of `buffer_updated`."""
-
-    def __init__(self, size: int = BUFFER_BYTES) -> None:
-        self.buffer = memoryview(bytearray(size))
-
-
 class ConnectionProtocol(Protocol):
     """Like asyncio.Protocol, but `data_received` must not keep a reference to the memoryview."""
 
@@ -40,14 +33,17 @@ _LOST = _Lost()  # type: ignore[abstract] # what its Protocol does is nothing
 
 
 class BufferedConnection(asyncio.BufferedProtocol):
-    """BufferedProtocol that lets all connections of a server share one receive buffer, and passes each a view of it."""
+    """BufferedProtocol that lets all connections of a server share one receive buffer, and passes each a view of it.
 
-    def __init__(self, connection: ConnectionProtocol, buffer: SharedBuffer) -> None:
-        self._connection, self._shared = connection, buffer
-        self._room = buffer.buffer
+    One connection uses the buffer at a time, between `get_buffer` and the end of `buffer_updated`.
+    """
+
+    def __init__(self, connection: ConnectionProtocol, shared: memoryview) -> None:
+        self._connection, self._shared = connection, shared
+        self._room = shared
 
     def get_buffer(self, sizehint: int) -> memoryview:
-        self._room = self._connection.room_in(self._shared.buffer)
+        self._room = self._connection.room_in(self._shared)
         return self._room
 
     def buffer_updated(self, nbytes: int) -> None:
