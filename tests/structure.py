@@ -20,14 +20,14 @@ SERVICE_ROOTS = ("daemon.composition", "daemon.server", "daemon.api.routes")
 
 MAX_UNITS = {"calibration": 24, "daemon": 22, "mock_robot": 14, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 90_704,
-    "lines of Python with the extensions": 97_193,
-    "lines of Python of the core that the service imports": 64_229,
+    "lines of Python of the core": 90_636,
+    "lines of Python with the extensions": 97_125,
+    "lines of Python of the core that the service imports": 64_157,
     "lines of Python of the gateways": 1_322,
     "files of the fullest folder": 34,
     "private functions used once": 664,
     "of them of at most 8 lines": 249,
-    "functions of 8 parameters or more": 33,
+    "functions of 8 parameters or more": 32,
     "pairs of a dataclass and a document with the same fields": 24,
     "converters between them: of, of_row, of_record, row": 30,
     "files that name: external axis": 34,
