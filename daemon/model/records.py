@@ -1,7 +1,6 @@
 """The records of the store: runs, calibrations, scans."""
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -216,7 +215,7 @@ class FlangePose:
             external_axes_of(reading.external_axes),
         )
 
-    @cached_property
+    @property
     def stance(self) -> Stance:
         return Stance.of_degrees(self.base_T_flange.transform(), self.joints_deg, self.external_axes)
 

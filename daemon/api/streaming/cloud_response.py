@@ -79,7 +79,7 @@ class StreamedCloud:
     def exchange(self, taken: TakenSocket) -> None:
         """Receive the rest and send the answer, in a thread. Raises REFUSALS, ClientDisconnect."""
         assert self.stream.header is not None  # the answer has begun
-        record_bytes = self.stream.header.layout.itemsize
+        record_bytes = min(self.stream.header.layout.itemsize, PIECE_BYTES)
         room, unsent = memoryview(bytearray(PIECE_BYTES)), memoryview(taken.head)
         while True:
             while unsent or (unsent := memoryview(self.spool.take())):

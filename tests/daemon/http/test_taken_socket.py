@@ -11,6 +11,7 @@ import httpx
 import numpy as np
 import pytest
 
+from daemon.api.streaming.cloud_response import PIECE_BYTES
 from daemon.http.connection_limiter import MAX_TAKEN, ConnectionLimiter, HttpLimits
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
@@ -134,3 +135,23 @@ async def test_a_repetition_with_a_key_is_held_against_the_whole_cloud(tmp_path:
         assert await answered(first) == await answered(first)
         with pytest.raises(httpx.RemoteProtocolError):  # the answer has begun when the last byte shows it
             await answered(other)
+
+
+async def test_a_cloud_whose_record_is_larger_than_a_piece_is_answered_whole(tmp_path: Path) -> None:
+    count, width = 6, PIECE_BYTES // 4 + 1000
+    records = np.zeros(count, [("xyz", "<f4", 3), ("spectrum", "<f4", width)])
+    points = cloud(count)
+    records["xyz"], records["spectrum"] = points, np.arange(count)[:, None]
+    header = (
+        f"VERSION .7\nFIELDS x y z spectrum\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 {width}\nWIDTH {count}\n"
+        f"HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n"
+    )
+    async with serving(settings_for(tmp_path)) as bench:
+        await apply_calibration(bench)
+        answer = await bench.client.post(
+            "/register", params={"pose": POSE}, content=header.encode() + records.tobytes(),
+            headers={"Content-Type": "application/x-pcd"},
+        )  # fmt: skip
+        moved = np.frombuffer(answer.content[-records.nbytes :], records.dtype)
+        np.testing.assert_allclose(moved["xyz"], in_base(points), atol=2e-3)
+        assert (moved["spectrum"] == records["spectrum"]).all()
