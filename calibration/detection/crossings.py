@@ -2,7 +2,7 @@
 
 Candidates are maxima of the saddle strength Ixy² - Ixx Iyy. Each is kept when the grey values on a ring around it are
 bright, dark, bright, dark, and opposite edges lie half a turn apart. Corners are found one by one, so neither whole
-squares nor a white margin around the board are needed. Columns of a strip that hardly vary are not searched.
+squares nor a white margin around the board are needed. Left and right of the columns that vary a strip is not searched.
 """
 
 from dataclasses import dataclass

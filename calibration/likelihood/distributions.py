@@ -29,8 +29,9 @@ SHIFT = 16
 
 
 def chi_squared_tail(freedom: int, squares: Array | float) -> Array:
-    """Probabilities of larger values than `squares`, of any shape, under chi-squared with few degrees of freedom."""
-    half = np.clip(np.asarray(squares, float) / 2, 0.0, MAX_HALF_SQUARE)
+    """Probabilities of larger values than `squares`, of any shape, under chi-squared; `freedom`: 1 or more, and few."""
+    given = np.asarray(squares, float)
+    half = np.where(given < 0, nan, np.minimum(given / 2, MAX_HALF_SQUARE))
     if freedom == 1:
         return np.asarray(np.vectorize(erfc, otypes=[float])(np.sqrt(half)))
     if freedom == 2:

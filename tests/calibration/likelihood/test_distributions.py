@@ -11,7 +11,9 @@ DEGREES = [(1, 3), (6, 3), (6, 78), (0.4, 1252.0), (30.0, 5145.0), (6689.0, 349.
 
 @pytest.mark.parametrize("freedom", range(1, 13))
 def test_the_tail_of_chi_squared_is_scipys(freedom: int) -> None:
-    squares = np.append(np.geomspace(1e-9, 1e3, 200), [0.0, np.inf, 1e300, np.nan]).reshape(4, -1)
+    squares = np.append(np.geomspace(1e-9, 1e3, 200), [0.0, np.inf, 1e300, np.nan, -1e-9, -1.0, -np.inf, 4.0]).reshape(
+        4, -1
+    )
     expected = scipy.special.chdtrc(freedom, squares)
     np.testing.assert_allclose(chi_squared_tail(freedom, squares), expected, rtol=1e-12, atol=1e-300)
 
