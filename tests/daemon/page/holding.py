@@ -8,6 +8,8 @@ from tests.daemon.page.conftest import TWO_FRAMES
 from tests.support.waiting import LIMIT_S
 
 HOLD_MS = 1400
+MAX_HOLDS = 3
+"""On a busy machine, of a move that one hold is enough for; a fault would let go at each of its steps."""
 
 
 async def press(one: Any, key: str = "Enter") -> None:
@@ -74,8 +76,12 @@ async def hold_requests(page: Any, pattern: str) -> asyncio.Event:
     return released
 
 
-async def keep_holding(page: Any, button: str, until: Callable[[], bool], *, by_mouse: bool = False) -> None:
-    """Hold a button until something is true, and on; again where the page let go, as no word was answered in time."""
+async def keep_holding(page: Any, button: str, until: Callable[[], bool], *, by_mouse: bool = False) -> int:
+    """Hold a button until something is true, and on; again where the page let go, as no word was answered in time.
+
+    Returns how many times it was held.
+    """
+    holds = 0
     usable = page.locator(button).and_(page.locator(":not([aria-disabled])"))
     held = page.locator("[data-held]:not(.idle)")  # the page may find another button for `button` meanwhile
     async with asyncio.timeout(LIMIT_S):
@@ -84,18 +90,23 @@ async def keep_holding(page: Any, button: str, until: Callable[[], bool], *, by_
                 await usable.evaluate("one => { one.dataset.held = 'yes' }")
                 await (usable.hover() if by_mouse else usable.focus())
                 await (page.mouse.down() if by_mouse else page.keyboard.down("Enter"))
+                holds += 1
                 await page.evaluate(TWO_FRAMES)
                 while not until() and await held.count():
                     await page.wait_for_timeout(20)
                 if not until():
                     await (page.mouse.up() if by_mouse else page.keyboard.up("Enter"))
             await page.wait_for_timeout(20)
+    return holds
 
 
 async def press_shortly(one: Any) -> None:
-    """Press a key and let go at once, however busy the machine is."""
-    await one.evaluate("""one => ['keydown', 'keyup'].forEach(
-        kind => one.dispatchEvent(new KeyboardEvent(kind, {key: 'Enter', bubbles: true})))""")
+    """Press a key for 0.3 s by the page's own timers, which fire in their order however busy the machine is."""
+    await one.evaluate("""one => new Promise((done) => {
+        const send = (kind) => one.dispatchEvent(new KeyboardEvent(kind, {key: 'Enter', bubbles: true}));
+        send('keydown');
+        setTimeout(() => done(send('keyup')), 300);
+    })""")
 
 
 async def let_go(page: Any, how: str) -> None:
