@@ -92,7 +92,7 @@ $(OPENCV4)/installed: pyproject.toml
 	@echo "Installing OpenCV 4.14 into $(OPENCV4) (once) ..."
 	@$(PYTHON) -m venv $(OPENCV4)
 	@$(OPENCV4)/bin/pip --disable-pip-version-check --quiet install --editable . "opencv-python-headless==4.14.*" \
-		hypothesis pytest pytest-asyncio pytest-timeout pytest-xdist trustme
+		hypothesis pytest "pytest-asyncio>=1.4" pytest-timeout pytest-xdist trustme
 	@touch $@
 
 # The service runs with the system's Python and pinned libraries: Debian 12's is 3.11.2. DEPLOYED_TESTS= chooses others.
@@ -112,7 +112,7 @@ $(DEPLOYED)/installed: pyproject.toml deploy/requirements.lock
 	@$(DEPLOYED_PYTHON) -m venv $(DEPLOYED)
 	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install --require-hashes --requirement deploy/build.lock
 	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install --require-hashes --requirement deploy/requirements.lock
-	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install hypothesis pytest pytest-asyncio pytest-timeout pytest-xdist
+	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install hypothesis pytest "pytest-asyncio>=1.4" pytest-timeout pytest-xdist
 	@touch $@
 
 CELLS ?= 20

@@ -14,7 +14,6 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 import httpx
@@ -23,6 +22,7 @@ from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cell import Announcement, MockCell, Ports, RobotProgram
 from mock_robot.truth.truth import CellTruth
 from protocols.cb.codes import Command
+from tests.support.patience import CLOCK
 from tests.support.waiting import LIMIT_S
 
 ROOT = Path(__file__).parents[2]
@@ -88,7 +88,7 @@ async def running_cell(
         truth or CellTruth.from_seed(seed),
         time_scale=slower * time_scale,
         program=program,
-        clock=lambda: monotonic() / slower,
+        clock=lambda: CLOCK.now_s() / slower,
     )
     try:
         ports = Ports(serial=serial, devices=0 if devices else None, profiler=profiler)

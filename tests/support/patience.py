@@ -6,6 +6,7 @@ or take ten times as long for each turn: a limit that passes meanwhile would end
 
 import asyncio
 import selectors
+import threading
 from collections.abc import Coroutine
 from time import monotonic
 from typing import Any, TypeVar
@@ -18,24 +19,29 @@ class PatientClock:
     """While a PatientLoop runs, each of its turns counts as `MAX_TURN_S` at most; otherwise time is the machine's."""
 
     def __init__(self) -> None:
+        self._lock = threading.RLock()  # loops in several threads; a handler of a signal may ask as well
         self._mark = (monotonic(), monotonic())
         self._running: set[PatientLoop] = set()
 
     def now_s(self) -> float:
         """Seconds, monotonic, in any thread."""
-        return self._at(monotonic())
+        with self._lock:
+            return self._at(monotonic())
 
     def turn(self) -> None:
-        now_s = monotonic()
-        self._mark = (self._at(now_s), now_s)
+        with self._lock:
+            now_s = monotonic()
+            self._mark = (self._at(now_s), now_s)
 
     def begin(self, loop: "PatientLoop") -> None:
-        self.turn()
-        self._running.add(loop)
+        with self._lock:
+            self.turn()
+            self._running.add(loop)
 
     def end(self, loop: "PatientLoop") -> None:
-        self.turn()
-        self._running.remove(loop)
+        with self._lock:
+            self.turn()
+            self._running.remove(loop)
 
     def _at(self, monotonic_s: float) -> float:
         passed_s, since_s = self._mark
@@ -65,6 +71,10 @@ class PatientLoop(asyncio.SelectorEventLoop):
 
     def __init__(self) -> None:
         super().__init__(_TurningSelector())
+
+    def time(self) -> float:
+        """Of the clock, also in a program that leaves `time.monotonic` as it is."""
+        return CLOCK.now_s()
 
     def run_forever(self) -> None:
         CLOCK.begin(self)
