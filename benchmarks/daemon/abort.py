@@ -147,7 +147,9 @@ class Plant:
 
     async def _start(self) -> dict[str, Any]:
         async with asyncio.timeout(MAX_WAIT_S):
-            while (answer := await self.client.post("/calibrate")).status_code != 202:  # noqa: ASYNC110
+            while (answer := await self.client.post("/calibrate")).status_code != 202:
+                if not self.cell.controller.panel.program_running:  # the stop was repeated until the arm stood
+                    self.cell.controller.run_program(True, self.cell.clock())
                 await asyncio.sleep(0.1)
         run: dict[str, Any] = answer.json()
         return run
