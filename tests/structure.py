@@ -20,9 +20,9 @@ SERVICE_ROOTS = ("daemon.composition", "daemon.server", "daemon.api.routes")
 
 MAX_UNITS = {"calibration": 24, "daemon": 22, "mock_robot": 14, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 90_636,
-    "lines of Python with the extensions": 97_125,
-    "lines of Python of the core that the service imports": 64_157,
+    "lines of Python of the core": 90_659,
+    "lines of Python with the extensions": 97_148,
+    "lines of Python of the core that the service imports": 64_180,
     "lines of Python of the gateways": 1_322,
     "files of the fullest folder": 34,
     "private functions used once": 664,
