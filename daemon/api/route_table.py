@@ -65,7 +65,7 @@ async def welcome(request: Request) -> Response | Welcome:
 
 
 ROUTERS: tuple[APIRouter, ...] = (
-    register.router,
+    register.router,  # tried in this order: the route of every cloud before fifty others
     root,
     health.router,
     calibrate.router,
